@@ -525,14 +525,15 @@ impl<'a> Range<'a> {
                 break;
             }
             let columns = self.columns(&at, &flight, scales);
-            let hits = largest(&off) <= HITS;
+            let hits = self.below.is_some() && largest(&off) <= HITS;
             let mut better = false;
             for _ in 0..TRIALS {
                 let next = step(&at, &columns, &off, damping);
                 if let Some(found) = self.fly(&next) {
                     let left = squares(&found.off(scales)) / squares(&off);
                     if found.touches_all_of(&from.flight) && left < 1.0 {
-                        // what hits is a start, and one that comes a little closer is the same start
+                        // beside a known answer what hits is a start, and one that comes a little closer is the same start; where there is
+                        // none, programs need what is as close as can be
                         better = !hits || left <= HALVED * HALVED;
                         (at, flight) = (next, found);
                         damping /= MORE;
