@@ -97,6 +97,15 @@ pub(crate) fn check_positive(what: &str, value: f64) -> Result<()> {
     Err(Error::Range(format!("{what} is {value}: it must be positive and finite")))
 }
 
+/// Checks how long a run takes and in how many steps it is made.
+pub(crate) fn check_run(duration: f64, n_steps: i64) -> Result<()> {
+    check_positive("the duration", duration)?;
+    if n_steps < 1 {
+        return Err(Error::Range(format!("the number of steps is {n_steps}: it must be at least 1")));
+    }
+    Ok(())
+}
+
 /// Checks length and finiteness of input data.
 pub(crate) fn finite(what: &str, v: &[f64], n: usize) -> Result<()> {
     if v.len() != n {

@@ -9,7 +9,7 @@ use super::raw;
 use super::simulator::{swb_simulator, Simulation};
 use super::status::swb_status;
 use crate::document::{read, write_model, Document};
-use crate::error::{check_positive, Error, Result};
+use crate::error::{check_run, Error, Result};
 use crate::expr::Id;
 use crate::memory::sizes;
 use crate::model::SavedModel;
@@ -134,11 +134,8 @@ pub unsafe extern "C" fn swb_simulator_to_json(
     needed: *mut i64,
 ) -> swb_status {
     guard(|| unsafe {
-        check_positive("the duration", duration)?;
+        check_run(duration, n_steps)?;
         let n = sizes::size(n_steps, "n_steps")?;
-        if n == 0 {
-            return Err(Error::Range("the number of steps is 0: it must be at least 1".into()));
-        }
         let text = handle::with_ref(sim, |s| s.json(duration, n))?;
         raw::write_text(text.as_bytes(), buf, len, needed)
     })

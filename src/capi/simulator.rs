@@ -10,7 +10,7 @@ use super::status::swb_status;
 use super::system::swb_system;
 use super::trajectory::{hand_out, swb_trajectory};
 use crate::document;
-use crate::error::{check_positive, Error, Result};
+use crate::error::{check_run, Result};
 use crate::memory;
 use crate::nlp::Outcome;
 use crate::settings::{LogLevel, Settings, Value};
@@ -126,10 +126,7 @@ impl Simulation {
     }
 
     fn run_within(&mut self, duration: f64, n_steps: i64) -> Result<Outcome> {
-        check_positive("the duration", duration)?;
-        if n_steps < 1 {
-            return Err(Error::Range(format!("the number of steps is {n_steps}: it must be at least 1")));
-        }
+        check_run(duration, n_steps)?;
         self.refresh()?;
         let (t0, level) = (self.t, self.settings.verbosity());
         let (simulator, result) = (self.simulator.get(), &mut self.result);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::parts::{Interval, SavedFunction, SavedSettings, SavedSystem};
-use crate::error::{finite, Error, Result};
+use crate::error::{check_run, finite, Error, Result};
 use crate::fesd::PathAt;
 use crate::func::{Function, Maximum};
 use crate::memory::sizes::check as sizes;
@@ -59,13 +59,7 @@ impl SavedSimulation {
         system.validate()?;
         let d = system.dims();
         finite("initial time", &[self.t0], 1)?;
-        finite("duration", &[self.duration], 1)?;
-        if self.duration <= 0.0 {
-            return Err(Error::Range(format!("the duration is {}: it must be positive", self.duration)));
-        }
-        if self.n_steps == 0 {
-            return Err(Error::Range("the number of steps is 0: it must be at least 1".into()));
-        }
+        check_run(self.duration, i64::try_from(self.n_steps).unwrap_or(i64::MAX))?;
         finite("state", &self.x0, d.x)?;
         finite("control", &self.u, d.u)?;
         finite("parameter", &self.p, d.p)?;

@@ -21,7 +21,7 @@ use std::time::Instant;
 
 use crate::dcs::filippov::{distinct, FilippovProblem, FilippovSolution};
 use crate::dcs::{Dcs, DcsFields};
-use crate::error::{check_positive, finite, Error, Result};
+use crate::error::{check_run, finite, Error, Result};
 use crate::fesd::{Exit, Fesd, Spec, Trajectory};
 use crate::func::Point;
 use crate::mpcc::{Mpcc, MpccSolver, Polish, Side};
@@ -195,7 +195,7 @@ impl Simulator {
         u: Option<&[f64]>,
         control: &mut Control,
     ) -> Result<SimResult> {
-        check_run(duration, n)?;
+        check_run(duration, n as i64)?;
         control.within(self.options.max_time, |control| self.run_within(duration, n, u, control))
     }
 
@@ -495,12 +495,4 @@ impl Simulator {
 /// Did somebody ask to stop?
 fn is_stop(outcome: Outcome) -> bool {
     matches!(outcome, Outcome::Stopped | Outcome::MaxTime)
-}
-
-fn check_run(duration: f64, n_steps: usize) -> Result<()> {
-    check_positive("the duration", duration)?;
-    if n_steps == 0 {
-        return Err(Error::Range("at least one step is needed".into()));
-    }
-    Ok(())
 }

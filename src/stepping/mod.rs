@@ -37,7 +37,7 @@ mod step;
 
 use std::sync::Arc;
 
-use crate::error::{finite, Error, Result};
+use crate::error::{check_positive, finite, Error, Result};
 use crate::system::{ImpactLaw, Local, Mechanics, Order, System};
 
 use inertia::Blocks;
@@ -90,9 +90,7 @@ impl Default for Options {
 impl Options {
     fn check(&self) -> Result<()> {
         let range = |text: String| Err(Error::Range(text));
-        if !(self.h > 0.0 && self.h.is_finite()) {
-            return range(format!("the step h is {}: it must be positive and finite", self.h));
-        }
+        check_positive("the step h", self.h)?;
         if !(self.theta >= 0.5 && self.theta <= 1.0) {
             return range(format!("theta is {}: it must be between 1/2 and 1", self.theta));
         }

@@ -198,3 +198,38 @@ def test_a_relay_on_an_estimate_slides_within_the_limit_set_of_its_differentiato
     assert abs(two.x_end[1] + 2 * two.x_end[0]) <= allowed(two, rtol)
     assert abs(two.x_end[0] - one.x_end[0] * math.exp(-2)) <= allowed(two, rtol)
     assert all(a.error <= 1e3 for a in two.accumulations)
+
+
+def block_with_friction(m, q, v, friction, force):
+    return [v, -q - friction * sign(v) + force[0] * sin(force[1] * m.t)]
+
+
+OBSERVED = {"nothing": lambda e, d: [], "its error": lambda e, d: [abs(e)], "the error of its velocity": lambda e, d: [abs(d)]}
+
+
+@pytest.mark.parametrize("cost", OBSERVED)
+@pytest.mark.parametrize("rtol", TOLERANCES)
+@pytest.mark.parametrize("seed", range(3))
+def test_an_observer_stays_on_a_plant_that_sticks_and_slips(seed, rtol, cost):
+    """A super-twisting observer of a block with dry friction, and costs with kinks in what its limit set holds at zero: the plant does not know
+    of it, so that the plant alone says where all four states are, and every switch of the plant leaves the limit set where it is."""
+    rng = np.random.default_rng(seed)
+    gains, friction = rng.uniform([2, 3], [4, 6]), rng.uniform(0.2, 0.5)
+    force, start = rng.uniform([0.3, 0.8], [0.7, 2.0]), rng.uniform(-1, 1, 4)
+    plant = Model(2)
+    plant.derivatives = block_with_friction(plant, *plant.x, friction, force)
+    exact = run(plant, start[:2], 10.0, 1e-13)
+
+    m = Model(4 + len(OBSERVED[cost](0, 0)))
+    q, v, q_hat, v_hat = (m.x[i] for i in range(4))
+    e = q - q_hat
+    observer = [v_hat + gains[0] * root(e), gains[1] * sign(e) - q_hat]
+    m.derivatives = block_with_friction(m, q, v, friction, force) + observer + OBSERVED[cost](e, v - v_hat)
+    r = run(m, [*start, *(0.0 for _ in OBSERVED[cost](0, 0))], 10.0, rtol)
+
+    # rounding of e of 1e-16 is worth its root in a rate; it makes switches of its own from 1e-10 on
+    bound = max(allowed(r, rtol), 4 * math.sqrt(np.finfo(float).eps))
+    assert np.abs(r.x_end[:4] - np.tile(exact.x_end, 2)).max() <= bound, (r.x_end, exact.x_end)
+    # nothing is gone through by steps over a time that could be seen
+    assert sum(a.until - a.t for a in r.accumulations if a.steps) < 1e-3
+    assert rtol < 1e-9 or len(r.switches) <= len(exact.switches) + 60

@@ -1,6 +1,6 @@
 //! Accumulating switches.
 
-use super::limit_set::FAILED;
+use super::limit_set::{Origin, FAILED};
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
 use crate::event::tape::Time;
@@ -380,7 +380,7 @@ impl Engine {
                 return Ok(None);
             }
             self.mark_recent();
-            if let Some(p) = self.enter_limit_set(FAILED, limit, false)? {
+            if let Some(p) = self.enter_limit_set(FAILED, limit, Origin::Outside)? {
                 return Ok(Some(p));
             }
         }

@@ -6,6 +6,7 @@
 //! answers it: a jump stays as large as it is between points that come together, and the change of a smooth function does
 //! not, however steep.
 
+use super::limit_set::Origin;
 use super::{recover, Engine, Progress};
 use crate::error::Result;
 use crate::event::Outcome;
@@ -108,7 +109,7 @@ impl Engine {
         let before = self.field.active.clone();
         // there may be a limit set that was not seen
         if self.is_on_time(SLOW * WINDOW) {
-            if let Some(p) = self.rescue(&before, false)? {
+            if let Some(p) = self.rescue(&before, Origin::Outside)? {
                 self.h = self.no_time();
                 return Ok(Some(p));
             }

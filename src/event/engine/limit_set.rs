@@ -19,6 +19,25 @@ const SHORTER: f64 = 8.0;
 /// Weights of a motion in a limit set are inside of their bounds by so much.
 const INSIDE: f64 = 1e-6;
 
+/// Where the motion comes from that goes on in a limit set.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Origin {
+    /// It was in none.
+    Outside,
+    /// It was in one, and is at a surface.
+    Inside,
+    /// It may have been in one, and rounding has carried it away: nothing but steps would go on, with this error.
+    Lost { steps: f64 },
+    /// It was in one, and the weight of a cell, one of two of a subsystem that the set does not tie by order two, has vanished.
+    Weight { sub: usize, cell: usize },
+}
+
+impl Origin {
+    fn is_inside(self) -> bool {
+        matches!(self, Origin::Inside | Origin::Weight { .. })
+    }
+}
+
 /// How long the time between switches has been becoming shorter.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Shrinking {
@@ -85,7 +104,7 @@ impl Engine {
         } else {
             NEAR
         };
-        let p = self.enter_limit_set(most, self.t, false)?;
+        let p = self.enter_limit_set(most, self.t, Origin::Outside)?;
         self.stats.accumulations += usize::from(p.is_some());
         Ok(p)
     }
@@ -100,16 +119,18 @@ impl Engine {
 
     /// Next to a limit set rounding, or functions that are not defined on the other side of a surface, may make it look as if
     /// nothing continued the motion: then the set does, from the active set `before`. So it does at another surface where the
-    /// motion was in a limit set already (`within`).
-    pub(super) fn rescue(&mut self, before: &[Vec<usize>], within: bool) -> Result<Option<Progress>> {
+    /// motion was in a limit set already.
+    pub(super) fn rescue(&mut self, before: &[Vec<usize>], from: Origin) -> Result<Option<Progress>> {
         if self.options.zeno == Zeno::Stop || self.field.has_contacts() {
             return Ok(None);
         }
         let failure = (self.outcome, std::mem::take(&mut self.reason));
         self.outcome = Outcome::Reached;
         self.field.set_active(before);
-        let near = within || recover(self.mark_near_surfaces(1.0).map(|()| true), false)?;
-        let p = if near { self.enter_limit_set(FAILED, self.t, within)? } else { None };
+        let within = from.is_inside();
+        let around = if matches!(from, Origin::Lost { .. }) { FAILED } else { 1.0 };
+        let near = within || recover(self.mark_near_surfaces(around).map(|()| true), false)?;
+        let p = if near { self.enter_limit_set(FAILED, self.t, from)? } else { None };
         match p {
             Some(_) => self.stats.accumulations += usize::from(!within),
             None => (self.outcome, self.reason) = failure,
@@ -135,7 +156,7 @@ impl Engine {
         if !lost || !recover(self.mark_near_surfaces(REST).map(|()| true), false)? {
             return Ok(None);
         }
-        let p = self.enter_limit_set(REST, self.t, false)?;
+        let p = self.enter_limit_set(REST, self.t, Origin::Outside)?;
         self.stats.accumulations += usize::from(p.is_some());
         Ok(p)
     }
@@ -171,9 +192,8 @@ impl Engine {
     }
 
     /// Goes on in the limit set of the surfaces that are marked as zero, if there is one no farther than `most` tolerances;
-    /// `limit` is the time the switches lead to, and `within` says that the state is in such a set
-    /// already.
-    pub(super) fn enter_limit_set(&mut self, most: f64, limit: f64, within: bool) -> Result<Option<Progress>> {
+    /// `limit` is the time the switches lead to.
+    pub(super) fn enter_limit_set(&mut self, most: f64, limit: f64, from: Origin) -> Result<Option<Progress>> {
         /// Times in a row without time between them.
         const TRIES: usize = 4;
         /// How much farther than it may be the set may turn out to be when its mode begins.
@@ -184,6 +204,7 @@ impl Engine {
         if self.field.is_on_demand() {
             return Ok(None);
         }
+        let within = from.is_inside();
         self.set_sizes(1.0);
         let at_once = self.t - self.limits.0 <= self.no_time();
         let before = self.field.active.clone();
@@ -197,13 +218,20 @@ impl Engine {
         if within {
             self.decide_others(&mut sets)?;
         }
+        if let Origin::Weight { sub, cell } = from {
+            // the rate of its function under the other cell alone is zero there and has the sign that leads away from then on,
+            // as the weight goes on to fall: rates at this point could not tell
+            sets[sub] = before[sub].iter().copied().filter(|c| *c != cell).collect();
+        }
         let held = self.field.hold();
         let loose = if self.field.in_limit_set() { self.loose_functions(&sets, within) } else { Vec::new() };
         let tied = |sets: &[Vec<usize>]| sets.iter().map(Vec::len).sum::<usize>();
         // the same set again is no way to go on
         let least = if within || !self.field.in_limit_set() { 0 } else { tied(&before) + 1 };
         let present = self.field.limit.take();
-        let found = self.find_limit_set(&sets, &loose)?.filter(|error| *error <= most);
+        let found = self.find_limit_set(&sets, &loose)?;
+        let nearer = |error: f64| matches!(from, Origin::Lost { steps } if error < steps);
+        let found = found.filter(|error| *error <= most || nearer(*error) && self.is_lost_by_rounding());
         let Some(error) = found.filter(|_| tied(&self.field.active) >= least) else {
             self.field.release(held);
             self.field.limit = present;
@@ -229,7 +257,7 @@ impl Engine {
         let entered = recover(r.map(|()| true), false)?;
         let moved = |e: &Engine, i: usize| (e.x[i] - start[i]).abs() / e.tolerance_of(i);
         // where conditions are nearly singular a projection may lead anywhere
-        if !entered || (0..self.nx).any(|i| moved(self, i) > AGAIN * most.max(1.0)) {
+        if !entered || (0..self.nx).any(|i| moved(self, i) > AGAIN * error.max(most).max(1.0)) {
             self.x.copy_from_slice(&start);
             let text = format!("switches accumulate at t = {limit}, where the motion is not defined");
             let failed = self.fail(Outcome::Zeno, text);
@@ -239,12 +267,25 @@ impl Engine {
         Ok(Some(Progress::Switched))
     }
 
+    /// Is the point of the limit set in `node` no farther than rounding may carry a motion in it? A surface that is known to the rounding of the
+    /// states is known to the root of that in the rate that is zero with it.
+    fn is_lost_by_rounding(&self) -> bool {
+        /// In units of the root of the rounding of the sizes of states.
+        const AROUND: f64 = 64.0;
+        let reach = AROUND * EPS.sqrt();
+        (0..self.nx).all(|i| (self.node[i] - self.x[i]).abs() <= reach * self.field.size(i, self.x[i]))
+    }
+
     /// At a switch of functions that the limit set does not tie by order two the motion in it goes on; false where it does not.
     pub(super) fn stay_in_limit_set(&mut self, l: usize, before: &[Vec<usize>]) -> Result<bool> {
         let (sub, mut functions) = match self.watches[l] {
             Watch::Enter { sub, a, .. } => (sub, a..a + 1),
             Watch::Leave { sub, .. } => (sub, self.field.surfaces(sub)),
             _ => return Ok(false),
+        };
+        let from = match self.watches[l] {
+            Watch::Leave { sub, cell } if before[sub].len() == 2 => Origin::Weight { sub, cell },
+            _ => Origin::Inside,
         };
         let beside = self.field.subs[sub].signs && !functions.any(|j| self.field.is_of_order_two(j));
         if self.field.in_limit(sub) && !beside || !recover(self.arrive().map(|()| true), false)? {
@@ -258,7 +299,7 @@ impl Engine {
             }
         }
         self.keep_surfaces();
-        let stays = self.enter_limit_set(FAILED, self.t, true)?.is_some() && self.outcome == Outcome::Reached;
+        let stays = self.enter_limit_set(FAILED, self.t, from)?.is_some() && self.outcome == Outcome::Reached;
         if stays {
             self.remember(None);
             let rate = self.watches.get(l).map_or(0.0, |w| w.rate(&self.dq0, &self.field, &self.f));

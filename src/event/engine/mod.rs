@@ -25,7 +25,7 @@ use self::accumulation::Recent;
 use self::chatter::Window;
 use self::contact::SceneRoom;
 use self::control::{Beyond, Cut, FirstStep, Pace, Tried};
-use self::limit_set::Shrinking;
+use self::limit_set::{Origin, Shrinking};
 use self::record::Sampled;
 use self::search::Found;
 use super::bernstein::{Coefficients, Sampler};
@@ -528,7 +528,7 @@ impl Engine {
                     return Ok(p);
                 }
                 let before = self.field.active.clone();
-                if let Some(p) = self.rescue(&before, false)? {
+                if let Some(p) = self.rescue(&before, Origin::Outside)? {
                     self.h = self.no_time();
                     return Ok(p);
                 }

@@ -9,6 +9,7 @@
 //! left: it needs nothing but velocities, and what its polygons tend to are solutions of the differential inclusion
 //! (A. F. Filippov, *Differential Equations with Discontinuous Righthand Sides* (1988), section 7, theorem 1).
 
+use super::limit_set::{Origin, FAILED};
 use super::{recover, Engine, Progress, EPS};
 use crate::dcs::filippov::implicit_step;
 use crate::error::Result;
@@ -66,6 +67,12 @@ impl Engine {
             }
         };
         self.field.set_active(&before);
+        if error > FAILED {
+            if let Some(p) = self.rescue(&before, Origin::Lost { steps: error })? {
+                self.h = self.no_time();
+                return Ok(p);
+            }
+        }
         let t1 = if span >= end - t0 { end } else { t0 + span };
         self.passage = (t_limit.max(t0), t1);
         let t = self.recent.limit(t_limit);

@@ -1,6 +1,7 @@
 //! From one active set to the next: what vanishes at a point, which sets may follow, the first step under them.
 
 use super::control::UNSEEN;
+use super::limit_set::Origin;
 use super::{recover, Engine, Progress, EPS};
 use crate::dcs::filippov::{differ, time_ahead, Excursion};
 use crate::error::Result;
@@ -55,7 +56,7 @@ impl Engine {
             // the run may begin in a limit set
             let failure = (self.outcome, std::mem::take(&mut self.reason));
             self.outcome = Outcome::Reached;
-            match self.enter_limit_set(1.0, self.t, true) {
+            match self.enter_limit_set(1.0, self.t, Origin::Inside) {
                 Ok(Some(_)) => return Ok(unique),
                 _ => (self.outcome, self.reason) = failure,
             }
@@ -387,7 +388,7 @@ impl Engine {
             known = recover(r.map(|()| true), false)?;
         }
         if !known || self.outcome == Outcome::NoContinuation {
-            if let Some(p) = self.rescue(&before, within)? {
+            if let Some(p) = self.rescue(&before, if within { Origin::Inside } else { Origin::Outside })? {
                 self.h = grown;
                 return Ok(p);
             }

@@ -36,6 +36,9 @@ const BESIDE: [f64; 4] = [1.0, -1.0, 2.0, -2.0];
 pub(in crate::event) struct Limit {
     /// Constraints whose rate does not depend on the modes, by pair.
     second: Vec<bool>,
+    /// Those of them whose rate vanishes wherever the other constraints hold, as that of `e` in an observer where the difference of
+    /// the velocities is a surface, too: they ask for nothing more.
+    held: Vec<bool>,
     /// The place of the weight of every pair among all weights, and the weights of every subsystem that slides.
     place: Vec<usize>,
     groups: Vec<std::ops::Range<usize>>,
@@ -86,6 +89,14 @@ impl Limit {
         self.rows.resize(r + self.groups.len(), Vec::new());
         self.rows.iter_mut().for_each(|row| row.resize(n, 0.0));
         self.rhs.resize(r + self.groups.len(), 0.0);
+    }
+
+    /// Keeps what belongs to the point that derivatives are taken at.
+    fn keep(&mut self, base: &[f64], d: &[f64], c: &[f64]) {
+        for (to, from) in [(&mut self.base, base), (&mut self.d, d), (&mut self.c, c)] {
+            to.clear();
+            to.extend_from_slice(from);
+        }
     }
 
     /// Conditions of order two may be off by what is no change in rates of the size `rate`.
@@ -207,9 +218,72 @@ impl Field {
         if any {
             limit.lay_out(&self.pairs, &self.first_pair);
             limit.pace = paces.iter().fold(0.0, |m, p| m.max(*p));
+            self.find_held(t, x, &mut limit)?;
             self.limit = Some(limit);
         }
         Ok(any)
+    }
+
+    /// Finds the constraints of order two that others hold: moving along the modes or with time changes their rates, and no longer once
+    /// the point is put back onto the surfaces.
+    fn find_held(&mut self, t: f64, x: &[f64], l: &mut Limit) -> EvalResult {
+        let r = self.pairs.len();
+        let mut phi = vec![0.0; r];
+        self.rates_beside(t, &mut l.y, (&l.second, &l.equal), &mut phi, true)?;
+        l.keep(&self.base, &self.sliding.d, &self.sliding.c);
+        let [mut free, mut on] = [vec![0.0f64; r], vec![0.0f64; r]];
+        for j in 0..r + 1 {
+            for (settled, sizes) in [(false, &mut free), (true, &mut on)] {
+                match self.changes_of_rates((t, x), l, j, settled) {
+                    Ok(Some(changes)) => sizes.iter_mut().zip(changes).for_each(|(s, c)| *s = s.max(c.abs())),
+                    Ok(None) => {}
+                    // what is not defined beside the surfaces is not compared
+                    Err(EvalError::Recoverable) => sizes.fill(f64::NAN),
+                    Err(e) => return Err(e),
+                }
+            }
+        }
+        l.held = (0..r).map(|i| l.second[i] && on[i] <= NO_CHANGE * free[i]).collect();
+        Ok(())
+    }
+
+    /// Derivatives of the rates of all constraints along column `j` of `D`, or behind the last one along `b` with time, of points
+    /// that are put back onto the surfaces or not; none where nothing moves.
+    fn changes_of_rates(
+        &mut self,
+        (t, x): (f64, &[f64]),
+        l: &mut Limit,
+        j: usize,
+        settled: bool,
+    ) -> Result<Option<Vec<f64>>, EvalError> {
+        let r = self.pairs.len();
+        let pace = if j < r { self.column_pace(j, x) } else { self.pace(x, &self.base) };
+        if pace == 0.0 {
+            return Ok(None);
+        }
+        let h = DIFFERENCE / pace;
+        let mut ends = [const { Vec::new() }; 4];
+        for (by, end) in BESIDE.into_iter().zip(&mut ends) {
+            end.resize(r, 0.0);
+            let by = by * h;
+            let mut beside = std::mem::take(&mut l.beside);
+            beside.clone_from(&l.y);
+            let rules = (&l.second[..], &l.equal[..]);
+            let known = if j < r {
+                self.d(j).for_each(|(i, d)| beside[i] += by * d);
+                self.rates_beside(t, &mut beside, rules, end, settled)
+            } else {
+                beside.iter_mut().zip(&self.base).for_each(|(y, b)| *y += by * b);
+                self.rates_beside(t + by, &mut beside, rules, end, settled)
+            };
+            l.beside = beside;
+            self.base.clone_from(&l.base);
+            self.sliding.d.clone_from(&l.d);
+            self.sliding.c.clone_from(&l.c);
+            known?;
+        }
+        let along = |i: usize| (8.0 * (ends[0][i] - ends[1][i]) - (ends[2][i] - ends[3][i])) / (12.0 * h);
+        Ok(Some((0..r).map(along).collect()))
     }
 
     /// Have the modes nearly no influence on the rate of one of the surfaces they slide on? The right-hand side is that of this point.
@@ -285,15 +359,24 @@ impl Field {
 
     /// Rates of the constraints at the point of the surfaces next to `x`: under `b`, those of order two under equal weights, which
     /// is the same on the surfaces, and better where modes differ by the root of what rounding leaves of the distance to them.
-    fn rates_beside(&mut self, t: f64, x: &mut [f64], l: &Limit, out: &mut [f64]) -> EvalResult {
-        self.settle(t, x)?;
+    fn rates_beside(
+        &mut self,
+        t: f64,
+        x: &mut [f64],
+        (second, equal): (&[bool], &[f64]),
+        out: &mut [f64],
+        settled: bool,
+    ) -> EvalResult {
+        if settled {
+            self.settle(t, x)?;
+        }
         self.parts(t, x)?;
         self.gradients(t, x)?;
         self.constraint_rows();
         for (i, o) in out.iter_mut().enumerate() {
             *o = self.sliding.rate(self.pairs[i], i, &self.base);
-            if l.second[i] {
-                *o += self.raw_row(i).iter().zip(&l.equal).map(|(v, w)| v * w).sum::<f64>();
+            if second[i] {
+                *o += self.raw_row(i).iter().zip(equal).map(|(v, w)| v * w).sum::<f64>();
             }
         }
         Ok(())
@@ -312,50 +395,31 @@ impl Field {
         let (mut y, mut phi) = (std::mem::take(&mut l.y), std::mem::take(&mut l.phi));
         y.clear();
         y.extend_from_slice(x);
-        let known = self.rates_beside(t, &mut y, l, &mut phi);
+        let known = self.rates_beside(t, &mut y, (&l.second, &l.equal), &mut phi, true);
         (l.y, l.phi) = (y, phi);
         known?;
         for i in 0..r {
             l.raw[i] = self.raw_row(i);
             l.raw_rhs[i] = -l.phi[i];
         }
-        l.base.clone_from(&self.base);
-        l.d.clone_from(&self.sliding.d);
-        l.c.clone_from(&self.sliding.c);
+        l.keep(&self.base, &self.sliding.d, &self.sliding.c);
         // along the columns of D, then along b with time
         for j in 0..r + 1 {
-            let pace = if j < r { self.column_pace(j, x) } else { self.pace(x, &self.base) };
-            if pace == 0.0 {
-                continue;
-            }
-            let h = DIFFERENCE / pace;
-            let mut ends = [const { Vec::new() }; 4];
-            for (by, end) in BESIDE.into_iter().zip(&mut ends) {
-                end.resize(r, 0.0);
-                let by = by * h;
-                let mut beside = std::mem::take(&mut l.beside);
-                beside.clone_from(&l.y);
-                let known = if j < r {
-                    self.d(j).for_each(|(i, d)| beside[i] += by * d);
-                    self.rates_beside(t, &mut beside, l, end)
-                } else {
-                    beside.iter_mut().zip(&self.base).for_each(|(y, b)| *y += by * b);
-                    self.rates_beside(t + by, &mut beside, l, end)
-                };
-                l.beside = beside;
-                known?;
-                self.base.clone_from(&l.base);
-                self.sliding.d.clone_from(&l.d);
-                self.sliding.c.clone_from(&l.c);
-            }
-            for i in (0..r).filter(|i| l.second[*i]) {
-                let rate = (8.0 * (ends[0][i] - ends[1][i]) - (ends[2][i] - ends[3][i])) / (12.0 * h);
+            let Some(rates) = self.changes_of_rates((t, x), l, j, true)? else { continue };
+            for (i, rate) in rates.into_iter().enumerate() {
+                if !l.second[i] {
+                    continue;
+                }
                 if j < r {
                     l.raw[i][j] = rate;
                 } else {
                     l.raw_rhs[i] = -rate;
                 }
             }
+        }
+        for i in (0..r).filter(|i| l.held[*i]) {
+            l.raw[i].fill(0.0);
+            l.raw_rhs[i] = 0.0;
         }
         // where other constraints hold what a constraint of order two depends on, its second derivative is the rest of what is no change
         l.set_slack(l.pace * l.pace);
