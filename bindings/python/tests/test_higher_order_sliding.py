@@ -233,3 +233,33 @@ def test_an_observer_stays_on_a_plant_that_sticks_and_slips(seed, rtol, cost):
     # nothing is gone through by steps over a time that could be seen
     assert sum(a.until - a.t for a in r.accumulations if a.steps) < 1e-3
     assert rtol < 1e-9 or len(r.switches) <= len(exact.switches) + 60
+
+
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_an_observer_stays_on_a_plant_that_makes_transitions(rtol):
+    """An observer of a body that a relay with hysteresis drives: its transitions move nothing that the limit set of the observer ties."""
+
+    def driven(m, x):
+        return [x[1], -0.4 * x[1] + 0.8 - 1.6 * m.hysteresis(x[0], on=0.3, off=-0.3)]
+
+    plant, m = Model(2), Model(4)
+    plant.derivatives = driven(plant, plant.x)
+    x = [m.x[i] for i in range(4)]
+    e = x[0] - x[2]
+    m.derivatives = driven(m, x) + [x[3] + 3 * root(e), 6 * sign(e)]
+    exact, r = run(plant, [1.0, 0.2], 15.0, 1e-13), run(m, [1.0, 0.2, 0.0, 0.0], 15.0, rtol)
+    assert len(r.jumps) == len(exact.jumps) > 4
+    # switches of the observer are those on its way to the plant
+    assert len(r.switches) < 40 and all(s.t < exact.jumps[1].t for s in r.switches)
+    assert np.abs(r.x_end[:4] - np.tile(exact.x_end[:2], 2)).max() <= max(allowed(r, rtol), 4 * math.sqrt(np.finfo(float).eps))
+
+
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_what_accumulates_behind_a_transition_is_not_the_transition(rtol):
+    """Twisting that a transition switches on at t = 0.5 comes to rest in zero; the transition happens once."""
+    m = Model(2)
+    on = m.hysteresis(m.t, on=0.5, off=-1.0)
+    m.derivatives = [m.x[1], -on * (3 * sign(m.x[0]) + 1.5 * sign(m.x[1]))]
+    r = run(m, [0.4, 0.3], 8.0, rtol)
+    assert len(r.jumps) == 1
+    assert np.abs(r.x_end[:2]).max() <= allowed(r, rtol)

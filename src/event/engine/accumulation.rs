@@ -19,8 +19,8 @@ pub(super) struct Recent {
     pub(super) zero: Vec<bool>,
     /// Nothing slid behind them.
     pub(super) free: [bool; MEMORY],
-    /// There were transitions among them.
-    pub(super) jumps: bool,
+    /// They were transitions.
+    pub(super) jumped: [bool; MEMORY],
     /// Where the run began, or went on with other data: the time, and the indicators.
     pub(super) start: (f64, Vec<f64>),
     /// The usual sizes of states, and the part of them that they are taken for, see [`Engine::set_sizes`].
@@ -218,6 +218,18 @@ impl Recent {
         best.min_by(|a, b| a.spread.total_cmp(&b.spread)).map_or(t, |l| l.t)
     }
 
+    /// Transitions among the last switches.
+    pub(super) fn transitions(&self) -> usize {
+        let place = |back: usize| (self.n + MEMORY - back) % MEMORY;
+        (1..=self.n.min(MEMORY)).filter(|back| self.jumped[place(*back)]).count()
+    }
+
+    /// Is it transitions that accumulate where anything does? One of them, such as that which begins a phase of a controller, is only
+    /// followed by what does.
+    pub(super) fn is_of_transitions(&self) -> bool {
+        self.transitions() > 1
+    }
+
     /// Time between the last two switches or jumps.
     pub(super) fn last_gap(&self) -> f64 {
         self.gaps[(self.n + MEMORY - 1) % MEMORY]
@@ -227,6 +239,15 @@ impl Recent {
 impl Engine {
     /// Notes the time of a switch, and what vanished there: `j` among it, with this rate, if it is known.
     pub(super) fn remember(&mut self, crossed: Option<(usize, f64)>) {
+        self.remember_as(crossed, false);
+    }
+
+    /// Notes the time of a transition.
+    pub(super) fn remember_transition(&mut self) {
+        self.remember_as(None, true);
+    }
+
+    fn remember_as(&mut self, crossed: Option<(usize, f64)>, jumped: bool) {
         let (gap, sharpness) = (self.t - self.recent.last, self.sharpness());
         let usual = crossed.map_or(f64::INFINITY, |(j, rate)| self.reach_of(j) / rate.abs());
         let noise = sharpness * usual;
@@ -237,6 +258,7 @@ impl Engine {
         let n = self.zero.len();
         self.recent.zero[i * n..(i + 1) * n].copy_from_slice(&self.zero);
         self.recent.free[i] = self.field.n_alg() == 0;
+        self.recent.jumped[i] = jumped;
         self.recent.n += 1;
         self.recent.follow(resolved, noise);
         let before = crossed.and_then(|(j, _)| self.rate_before(j, self.t, self.recent.n == 1));
@@ -338,7 +360,7 @@ impl Engine {
 
     /// Do switches accumulate here? Then the policy decides.
     pub(super) fn accumulate(&mut self) -> Result<Option<Progress>> {
-        if !self.recent.jumps {
+        if !self.recent.is_of_transitions() {
             if let Some(p) = self.approach_limit_set()? {
                 return Ok(Some(p));
             }
@@ -366,8 +388,8 @@ impl Engine {
             return Ok(None);
         }
         self.stats.accumulations += 1;
+        let jumps = self.recent.is_of_transitions();
         self.recent.n = 0;
-        let jumps = std::mem::take(&mut self.recent.jumps);
         let limit = self.t + left;
         if jumps {
             return Ok(Some(self.end_at_accumulation(limit)));

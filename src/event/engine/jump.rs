@@ -52,7 +52,9 @@ impl Engine {
         let w = self.watches[l];
         let rate = if slope.is_finite() { w.rate(&self.field.dq, &self.field, &self.f) } else { slope };
         let noise = NOISE * w.rounding(&self.field.dq, &self.field, t, &self.x);
-        if self.recent.n > 0 && (rate >= 0.0 || self.recent.jumps && -rate * (t - self.recent.last) <= noise) {
+        if self.recent.n > 0
+            && (rate >= 0.0 || self.recent.transitions() > 0 && -rate * (t - self.recent.last) <= noise)
+        {
             self.end_at_accumulation(t);
             return Ok(());
         }
@@ -61,8 +63,7 @@ impl Engine {
         self.differentiate_time(l)?;
         self.zero.fill(false);
         self.zero[self.field.guards.all[guard].q] = true;
-        self.remember(None);
-        self.recent.jumps = true;
+        self.remember_transition();
         self.make(guard, -rate)
     }
 
@@ -83,7 +84,7 @@ impl Engine {
 
     /// Makes transition `guard`, and those that hold behind it. The velocity is that before.
     fn make(&mut self, guard: usize, rate: f64) -> std::result::Result<(), EvalError> {
-        let before = self.field.active.clone();
+        let mut before = self.field.active.clone();
         self.f_before.copy_from_slice(&self.f);
         let start = self.jumps.len();
         let recorded = self.sens.is_some() || self.tape.is_some();
@@ -123,11 +124,15 @@ impl Engine {
             }
             self.x.copy_from_slice(&self.reset.x);
             self.field.arm(&self.x);
-            unique &= self.locate(true, length)?;
-            if self.outcome != Outcome::Reached {
-                return Ok(());
+            if self.stays_in_limit_set_behind_jump()? {
+                before.clone_from(&self.field.active);
+            } else {
+                unique &= self.locate(true, length)?;
+                if self.outcome != Outcome::Reached {
+                    return Ok(());
+                }
+                self.enter()?;
             }
-            self.enter()?;
             if self.watches.iter().filter_map(|w| self.acts(w)).any(|(guard, _)| guard == g) {
                 // it is watched on its way back
                 self.field.guards.all[g].spent = true;

@@ -165,7 +165,7 @@ impl Engine {
     pub(super) fn mark_near_surfaces(&mut self, most: f64) -> std::result::Result<(), EvalError> {
         self.field.watched(self.t, &self.x)?;
         self.field.watched_gradients(self.t, &self.x)?;
-        if self.recent.n > MEMORY && !self.recent.jumps {
+        if self.recent.n > MEMORY && !self.recent.is_of_transitions() {
             self.mark_recent();
         } else {
             self.zero.fill(false);
@@ -309,6 +309,19 @@ impl Engine {
             }
         }
         Ok(stays)
+    }
+
+    /// A transition that moves nothing by more than the tolerances that a limit set ties leaves the motion in it.
+    pub(super) fn stays_in_limit_set_behind_jump(&mut self) -> std::result::Result<bool, EvalError> {
+        if !self.field.in_limit_set() || self.options.zeno == Zeno::Stop {
+            return Ok(false);
+        }
+        self.field.watched(self.t, &self.x)?;
+        self.field.watched_gradients(self.t, &self.x)?;
+        self.zero.fill(false);
+        self.keep_surfaces();
+        let stays = matches!(self.enter_limit_set(1.0, self.t, Origin::Inside), Ok(Some(_)));
+        Ok(stays && self.outcome == Outcome::Reached)
     }
 
     /// What lies so many tolerances away is not tied: its sign decides.

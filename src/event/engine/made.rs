@@ -139,7 +139,7 @@ impl Engine {
                 last: 0.0,
                 zero: vec![false; MEMORY * n_q],
                 free: [false; MEMORY],
-                jumps: false,
+                jumped: [false; MEMORY],
                 start: (f64::NAN, vec![f64::NAN; n_q]),
                 sizes: field.floor.clone(),
                 sized: 1.0,
@@ -217,7 +217,6 @@ impl Engine {
         self.last_weights.fill(f64::NAN);
         self.keeps = false;
         self.recent.n = 0;
-        self.recent.jumps = false;
         self.recent.series = Default::default();
         self.recent.falling = Default::default();
         self.set_sizes(1.0);
