@@ -167,22 +167,57 @@ struct Range<'a> {
     engine: Engine,
     stretches: usize,
     steps: usize,
+    /// Are shots that hit aimed on, as close as they get?
+    closely: bool,
 }
 
-/// Shots that nearly meet all constraints: those that hit, the cheapest first, then others as they come close; none where none does.
-pub(super) fn shots(p: &Problem, o: &Options) -> Result<Vec<Shot>> {
-    let mut range = Range::new(p, o, MOST_STEPS)?;
-    let mut drawn = range.draw();
-    let mut out = range.aimed(&mut drawn)?;
-    for _ in 0..ROUNDS {
-        if !out.is_empty() || range.is_over() {
-            break;
-        }
-        range.draw_beside(&mut drawn);
-        out = range.aimed(&mut drawn)?;
+/// Shots at the constraints where nothing has a solution yet.
+pub(super) struct Volley<'a> {
+    range: Range<'a>,
+    drawn: Vec<Drawn>,
+}
+
+impl<'a> Volley<'a> {
+    /// Draws them.
+    pub(super) fn new(p: &'a Problem, o: &'a Options) -> Result<Volley<'a>> {
+        let mut range = Range::new(p, o, MOST_STEPS)?;
+        let drawn = range.draw();
+        Ok(Volley { range, drawn })
     }
-    sort(&mut out);
-    Ok(out)
+
+    /// Shots that nearly meet all constraints: those that hit, the cheapest first, then others as they come close; none where none does.
+    pub(super) fn shots(&mut self) -> Result<Vec<Shot>> {
+        let Volley { range, drawn } = self;
+        let mut out = range.aimed(drawn)?;
+        for _ in 0..ROUNDS {
+            if !out.is_empty() || range.is_over() {
+                break;
+            }
+            range.draw_beside(drawn);
+            out = range.aimed(drawn)?;
+        }
+        sort(&mut out);
+        Ok(out)
+    }
+
+    /// Those that hit, aimed on as close as they get, the cheapest first: some programs need that of a motion they begin with.
+    pub(super) fn closer(&mut self) -> Result<Vec<Shot>> {
+        let Volley { range, drawn } = self;
+        range.closely = true;
+        range.most_steps = range.steps + MOST_STEPS;
+        let scales = range.spread(drawn);
+        let miss = |d: &Drawn| largest(&d.flight.off(&scales));
+        let mut out = Vec::new();
+        for d in drawn.iter().filter(|d| d.aimed && (HIT..=HITS).contains(&miss(d))) {
+            if range.is_over() {
+                break;
+            }
+            let found = range.aim(d, &scales);
+            out.extend(range.shot(&found.at, miss(&found))?);
+        }
+        sort(&mut out);
+        Ok(out)
+    }
 }
 
 /// Shots that a cheaper answer may lie beside, with no more than so many steps of simulations: the cost of the known one is a
@@ -237,6 +272,7 @@ impl<'a> Range<'a> {
             sizes,
             stretches,
             steps: 0,
+            closely: false,
         };
         let reaches = range.reaches();
         let mut variables = Vec::new();
@@ -525,15 +561,14 @@ impl<'a> Range<'a> {
                 break;
             }
             let columns = self.columns(&at, &flight, scales);
-            let hits = self.below.is_some() && largest(&off) <= HITS;
+            let hits = !self.closely && largest(&off) <= HITS;
             let mut better = false;
             for _ in 0..TRIALS {
                 let next = step(&at, &columns, &off, damping);
                 if let Some(found) = self.fly(&next) {
                     let left = squares(&found.off(scales)) / squares(&off);
                     if found.touches_all_of(&from.flight) && left < 1.0 {
-                        // beside a known answer what hits is a start, and one that comes a little closer is the same start; where there is
-                        // none, programs need what is as close as can be
+                        // what hits is a start, and one that comes a little closer is the same start
                         better = !hits || left <= HALVED * HALVED;
                         (at, flight) = (next, found);
                         damping /= MORE;

@@ -2,8 +2,8 @@
 
 use super::super::complementary;
 use super::super::frozen;
-use super::super::modes::ContactMode;
-use super::super::shots::shots;
+use super::super::modes::{ContactMode, Key};
+use super::super::shots::{Shot, Volley};
 use super::super::simulate::simulate;
 use super::super::stepping;
 use super::super::track::{interpolate, Piece, Track};
@@ -173,10 +173,24 @@ impl Search<'_> {
         Some((vec![0.0, self.p.given.durations.iter().sum()], [&o.x0[..], &target[..]].concat()))
     }
 
-    /// Modes of simulations that nearly meet the constraints.
+    /// Modes of simulations that nearly meet the constraints, and, where none of them has a solution, of those that meet them as well as can be.
     pub(super) fn start_with_shots(&mut self, control: &mut Control) -> Result<()> {
+        let mut volley = Volley::new(self.p, self.options)?;
+        let shots = volley.shots()?;
+        self.try_shots(shots, control)?;
+        if !self.is_solved() && stop::requested().is_none() {
+            let closer = volley.closer()?;
+            // orders that were tried have other motions to begin with now
+            let keys: Vec<Key> = closer.iter().map(|s| s.track.sequence(self.p.n_stages()).key()).collect();
+            self.tried.retain(|t| !keys.contains(&t.0));
+            self.try_shots(closer, control)?;
+        }
+        Ok(())
+    }
+
+    fn try_shots(&mut self, shots: Vec<Shot>, control: &mut Control) -> Result<()> {
         let mut left = SHOTS;
-        for shot in shots(self.p, self.options)? {
+        for shot in shots {
             let sequence = shot.track.sequence(self.p.n_stages());
             if left == 0 || stop::requested().is_some() {
                 break;
