@@ -237,8 +237,9 @@ impl Field {
                 match self.changes_of_rates((t, x), l, j, settled) {
                     Ok(Some(changes)) => sizes.iter_mut().zip(changes).for_each(|(s, c)| *s = s.max(c.abs())),
                     Ok(None) => {}
-                    // what is not defined beside the surfaces is not compared
-                    Err(EvalError::Recoverable) => sizes.fill(f64::NAN),
+                    // what is not defined off the surfaces says nothing, and what is not defined on them holds nothing
+                    Err(EvalError::Recoverable) if settled => sizes.fill(f64::INFINITY),
+                    Err(EvalError::Recoverable) => {}
                     Err(e) => return Err(e),
                 }
             }
