@@ -66,6 +66,11 @@ pub(super) struct ActiveSet {
     /// Multipliers of fixed variables.
     z: Vec<f64>,
     pub(super) at: Iterate,
+    /// Where the square system was solved before members were drawn back.
+    found: Iterate,
+    /// Sizes of the terms of the rows `[m]`, and the rounding of the variables that are functions `[n]`.
+    terms: Vec<f64>,
+    rounding: Vec<f64>,
 }
 
 impl ActiveSet {
@@ -76,6 +81,9 @@ impl ActiveSet {
             exact: Bounds::free(n, m),
             z: vec![0.0; n],
             at: Iterate::zeros(n, m),
+            found: Iterate::zeros(n, m),
+            terms: vec![0.0; m],
+            rounding: vec![0.0; n],
         }
     }
 
@@ -108,7 +116,7 @@ impl ActiveSet {
 
     /// Does some bound hold without a multiplier, at the settled point with rows `c`?
     pub fn is_weak(&self, c: &[f64]) -> bool {
-        let ActiveSet { x, c: active, exact: b, z, at } = self;
+        let ActiveSet { x, c: active, exact: b, z, at, .. } = self;
         let largest = |v: &[f64]| v.iter().fold(1f64, |a, v| a.max(v.abs()));
         let tol = WEAK * largest(&at.y).max(largest(z));
         let weak = |a: &Active, v: f64, lo: f64, hi: f64, z: f64| {
@@ -138,7 +146,7 @@ impl ActiveSet {
     /// Takes in what is violated at the point `at` with rows `c`, lets go what has the wrong sign; false when nothing
     /// changed.
     fn update(&mut self, c: &[f64]) -> bool {
-        let ActiveSet { x, c: active, exact: b, z, at } = self;
+        let ActiveSet { x, c: active, exact: b, z, at, .. } = self;
         let largest = |v: &[f64]| v.iter().fold(0f64, |a, v| a.max(v.abs()));
         let tol = 1e-9 * (1.0 + largest(&at.y).max(largest(z)));
         let mut changed = false;
@@ -349,16 +357,17 @@ impl MpccSolver {
         if !self.settle_set(p, control) {
             return false;
         }
-        let (found, best) = (self.active.at.clone(), self.ipm.objective());
         if !self.draw_back(p) {
             return true;
         }
+        let best = self.ipm.objective();
         let close = |f: f64| f - best <= DRAWN * (1.0 + best.abs());
         if self.settle_set(p, control) && close(self.ipm.objective()) {
             return true;
         }
         // something holds them: the point as it was
-        self.active.at.copy_from(&found);
+        let ActiveSet { at, found, .. } = &mut self.active;
+        at.copy_from(found);
         self.active.guess();
         self.settle_set(p, control)
     }
@@ -373,9 +382,11 @@ impl MpccSolver {
         if lifts.is_empty() || p.is_discretised() {
             return false;
         }
-        let terms = self.ipm.row_terms();
-        let x = &mut self.active.at.x;
-        let mut rounding = vec![0.0; self.st.n];
+        let ActiveSet { at, found, terms, rounding, .. } = &mut self.active;
+        self.ipm.row_terms(terms);
+        found.copy_from(at);
+        let x = &mut at.x;
+        rounding.fill(0.0);
         for &(row, v) in lifts {
             rounding[v] = f64::EPSILON * terms[row];
         }

@@ -304,11 +304,9 @@ impl Ipm {
         &self.v.c
     }
 
-    /// Sizes of the terms of the rows at that point to first order, `Σ |J_ij x_j|`: times `ε` the rounding of their values.
-    pub fn row_terms(&self) -> Vec<f64> {
-        let mut terms = vec![0.0; self.m];
-        row_terms(&self.jac, &self.v.jac, &self.it.x, &mut terms);
-        terms
+    /// Sizes `[m]` of the terms of the rows at that point to first order, `Σ |J_ij x_j|`: times `ε` the rounding of their values.
+    pub fn row_terms(&self, terms: &mut [f64]) {
+        row_terms(&self.jac, &self.v.jac, &self.it.x, terms);
     }
 
     /// Bounds of the last solve, with `σ` where it ended.
