@@ -343,15 +343,18 @@ impl Reach {
     }
 
     /// Linear programs that are worth solving in search of at most `limit` patterns. Where planes in general position have far more
-    /// patterns than that, as a rule these have too, and it does not take long to see.
-    fn patience(&self, limit: usize) -> usize {
+    /// patterns than that, as a rule these have too, and it does not take long to see; least of all for the forms of choices inside of
+    /// choices (`nested`), whose linear programs are a hundred times as expensive ([`MOST_EXACT`]).
+    fn patience(&self, limit: usize, nested: bool) -> usize {
         let (n, d) = (self.forms.len(), self.terms.len());
         let (mut expected, mut binomial) = (1.0f64, 1.0f64);
         for k in 1..=d.min(n) {
             binomial *= (n + 1 - k) as f64 / k as f64;
             expected += binomial;
         }
-        if expected > 16.0 * limit as f64 {
+        if nested && expected > limit as f64 {
+            limit / 32
+        } else if expected > 16.0 * limit as f64 {
             limit / 4
         } else {
             4 * limit
@@ -361,7 +364,7 @@ impl Reach {
     /// All patterns that can occur; `None` if there are more than `limit`, or it takes too long to find them. `nested` says that the
     /// functions come from choices inside of choices.
     pub(super) fn patterns(&self, limit: usize, nested: bool) -> Result<Option<Patterns>> {
-        let mut patience = self.patience(limit);
+        let mut patience = self.patience(limit, nested);
         self.exact_left.set(if nested && self.forms.len() > FEW_FORMS { MOST_EXACT } else { usize::MAX });
         let mut out = Patterns { all: Vec::new(), conflicts: Vec::new() };
         let parallels = if self.forms.len() < ORDERED { vec![None; self.forms.len()] } else { self.parallels() };
