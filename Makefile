@@ -2,7 +2,8 @@
 # make examples  all examples, in C and Python: tables on the terminal, plots in out/
 # make benchmarks  the reports on accuracy and speed; takes long
 # make site      the documentation as web pages, in build/site
-# make check     everything that must hold before a commit; what .ci/run runs
+# make check     everything that must hold before a commit; what .ci/run runs. Of a library that builds in half of the time of the
+#                shipped one and is as fast but for a few per cent; make check PROFILE=release checks what is shipped
 # make install   library, header, CMake and pkg-config files into PREFIX
 # make header    write what is made of src/settings/options.toml, include/switchback.h, include/api.json, and from that what Python and Julia declare
 # make release-wheel  a wheel that needs nothing of the system, and a source distribution, into build/dist
@@ -24,6 +25,9 @@ BUILD := $(abspath build)
 OUT := $(abspath out)
 VENV := $(BUILD)/venv
 SUNDIALS := $(BUILD)/sundials
+# The profile of Cargo.toml of the library that is installed, packed and tested.
+PROFILE ?= release
+LIBRARY = $(TARGET)/$(PROFILE)
 HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml --target-dir $(TARGET)/header --
 
 .NOTPARALLEL:
@@ -35,7 +39,7 @@ HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml -
 all: build
 
 build:
-	$(CARGO) build --release
+	$(CARGO) build --profile $(PROFILE)
 
 header:
 	$(HEADER) .
@@ -49,7 +53,7 @@ deps:
 	sh scripts/deps.sh $(BUILD)
 
 install: build
-	$(CMAKE) -DPREFIX=$(abspath $(PREFIX)) -DLIBDIR=$(LIBDIR) -DBUILD_DIR=$(TARGET)/release -P cmake/install.cmake
+	$(CMAKE) -DPREFIX=$(abspath $(PREFIX)) -DLIBDIR=$(LIBDIR) -DBUILD_DIR=$(LIBRARY) -P cmake/install.cmake
 
 # The library under AddressSanitizer, with everything that callers can do wrong.
 FUZZ = $(MAKE) -C fuzz TARGET=$(TARGET)/fuzz BUILD=$(BUILD)/fuzz VENV=$(VENV) CARGO="$(CARGO)"
@@ -121,24 +125,35 @@ fuzz-faults: stage
 
 # --- the checks -----------------------------------------------------------------------------------
 
-# Each says at its end how long it took.
+# One step after the other; each says at its end how long it took.
+define each
+set -e; for step in $(1); do \
+	began=$$(date +%s); \
+	$(MAKE) PROFILE=$(CHECKED) check-$$step; \
+	echo "check-$$step: $$(( $$(date +%s) - began )) s"; \
+done
+endef
+
+# The profile of the library that is checked.
+CHECKED = $(if $(filter command line,$(origin PROFILE)),$(PROFILE),tests)
+
+# Two processors: the tests in Rust and lint, and beside them all that sees the library from outside, whose output follows at its end.
 check: deps
-	@set -e; for step in format lint rust header stage c examples pkgconfig together; do \
-		began=$$(date +%s); \
-		$(MAKE) check-$$step; \
-		echo "check-$$step: $$(( $$(date +%s) - began )) s"; \
-	done
+	$(MAKE) check-format
+	$(CARGO) build --profile $(CHECKED)
+	$(MAKE) CHECKED=$(CHECKED) check-outside > $(BUILD)/outside.log 2>&1 & outside=$$!; \
+	$(MAKE) CHECKED=$(CHECKED) check-inside; inside=$$?; \
+	wait $$outside; result=$$?; \
+	cat $(BUILD)/outside.log; \
+	[ $$inside = 0 ] && [ $$result = 0 ]
 	@echo "all checks passed"
 
-# What runs on one processor beside each other: the bindings; the packaged crate and the sanitised library, whose output
-# follows at its end.
-.PHONY: check-together
-check-together:
-	$(MAKE) check-crate check-hostile > $(BUILD)/hostile.log 2>&1 & hostile=$$!; \
-	$(MAKE) check-python check-julia; bindings=$$?; \
-	wait $$hostile; result=$$?; \
-	cat $(BUILD)/hostile.log; \
-	[ $$bindings = 0 ] && [ $$result = 0 ]
+.PHONY: check-inside check-outside
+check-inside:
+	@$(call each,rust lint)
+
+check-outside:
+	@$(call each,hostile crate header stage c examples pkgconfig python julia)
 
 check-format:
 	$(CARGO) fmt --check
@@ -148,16 +163,12 @@ check-lint:
 	$(CARGO) clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --quiet --no-deps --lib
 
-# Unit tests with the backend on faer in the library, which it is shipped without, as all other tests have it; what is in
-# examples/ is compiled by check-lint. The release build, most of which keeps one processor busy, is made beside them.
+# Unit tests with the backend on faer in the library, which it is shipped without, as all other tests have it; they compute little and are
+# not optimised. What is in examples/ is compiled by check-lint.
 check-rust:
-	mkdir -p $(BUILD)
-	$(CARGO) build --release > $(BUILD)/release.log 2>&1 & release=$$!; \
-	$(CARGO) test --profile tests --features faer --lib && \
-	$(CARGO) test --profile tests --test '*' && \
-	$(CARGO) test --profile tests --doc; tests=$$?; \
-	wait $$release || { cat $(BUILD)/release.log; exit 1; }; \
-	exit $$tests
+	$(CARGO) test --profile tests --test '*'
+	$(CARGO) test --profile tests --doc
+	$(CARGO) test --profile unit --features faer --lib
 
 # What crates.io would get, and a crate that depends on it.
 check-crate:
@@ -200,7 +211,7 @@ check-pkgconfig:
 wheel: build
 ifneq ($(wildcard bindings/python/pyproject.toml),)
 	rm -rf $(BUILD)/wheel
-	SWITCHBACK_LIBRARY=$(TARGET)/release/libswitchback.so $(VENV)/bin/pip wheel --quiet --no-deps \
+	SWITCHBACK_LIBRARY=$(LIBRARY)/libswitchback.so $(VENV)/bin/pip wheel --quiet --no-deps \
 		--no-build-isolation --wheel-dir $(BUILD)/wheel ./bindings/python
 	$(VENV)/bin/pip install --quiet --no-deps --force-reinstall $(BUILD)/wheel/*.whl
 endif
@@ -224,7 +235,7 @@ check-hostile:
 check-julia:
 	$(PYTHON) bindings/julia/gen/generate.py --check
 	@if julia=$$(sh scripts/get_julia.sh $(BUILD)/julia); then \
-		SWITCHBACK_LIBRARY=$(TARGET)/release/libswitchback.so \
+		SWITCHBACK_LIBRARY=$(LIBRARY)/libswitchback.so \
 			$(VENV)/bin/python bindings/julia/test/reference.py $(BUILD)/julia_reference.json && \
 		SWITCHBACK_LIBRARY=$(BUILD)/moved/$(LIBDIR)/libswitchback.so SWITCHBACK_REFERENCE=$(BUILD)/julia_reference.json \
 			JULIA_DEPOT_PATH=$(BUILD)/julia_depot \

@@ -4,11 +4,18 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "switchback.h"
 
 static int check_failures;
+
+/* Does the program run fifty times as slowly as otherwise, under valgrind? What is computed again for other numbers only is left out then. */
+static inline int check_slow(void)
+{
+    return getenv("SWB_TEST_SLOW") != NULL;
+}
 
 #define CHECK(condition)                                                                              \
     do {                                                                                              \

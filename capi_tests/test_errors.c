@@ -113,7 +113,7 @@ static void threads(void)
 
 int main(void)
 {
-    if (getenv("SWB_TEST_SLOW"))
+    if (check_slow())
         calls = 200;
     codes();
     last_error();

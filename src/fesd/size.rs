@@ -8,7 +8,7 @@ use crate::system::SharedFunction;
 /// Bytes of a finite element apart from its numbers: its index, its calls.
 const ELEMENT: u128 = 2000;
 /// Bytes of a variable or row: bounds, iterates, multipliers, directions, scaling, work space of the factorisation.
-const VARIABLE: u128 = 1000;
+const VARIABLE: u128 = 1200;
 /// Bytes of an entry of the derivatives: in the value and its cache, in the list the pattern is made of, in the matrices of
 /// the relaxed and of the branch problem and their maps, in the factors.
 const ENTRY: u128 = 250;
