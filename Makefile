@@ -150,10 +150,10 @@ check: deps
 
 .PHONY: check-inside check-outside
 check-inside:
-	@$(call each,rust lint)
+	@$(call each,rust lint crate)
 
 check-outside:
-	@$(call each,hostile crate header stage c examples pkgconfig python julia)
+	@$(call each,hostile header stage c examples pkgconfig python julia)
 
 check-format:
 	$(CARGO) fmt --check
