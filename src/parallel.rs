@@ -1,8 +1,9 @@
 //! Independent pieces of work on several threads, of which one is that of the caller.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
-use crate::memory;
+use crate::memory::thread;
 
 /// Threads for a wish of `n`, 0 standing for all processors. One if a function may only be called by the thread that called
 /// the library.
@@ -35,19 +36,11 @@ pub fn each<T: Send>(
             done.push((k, one(k)));
         }
     };
-    let all = std::thread::scope(|scope| {
-        let spawn = || {
-            let builder = std::thread::Builder::new();
-            let work = || work(&mut |k| other(k));
-            memory::room_for_thread().then(|| builder.spawn_scoped(scope, work).ok()).flatten()
-        };
-        let others: Vec<_> = (1..threads.min(n)).map_while(|_| spawn()).collect();
-        let mut all = work(own);
-        others.into_iter().for_each(|h| all.extend(h.join().unwrap_or_default()));
-        all
-    });
+    let all = Mutex::new(Vec::new());
+    let give = |mut done: Vec<(usize, T)>| all.lock().unwrap_or_else(PoisonError::into_inner).append(&mut done);
+    thread::beside(threads.min(n).saturating_sub(1), &|| give(work(&mut |k| other(k))), || give(work(own)));
     let mut results: Vec<Option<T>> = (0..n).map(|_| None).collect();
-    for (k, result) in all {
+    for (k, result) in all.into_inner().unwrap_or_else(PoisonError::into_inner) {
         results[k] = Some(result);
     }
     results

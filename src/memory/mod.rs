@@ -16,6 +16,7 @@ pub mod allocator;
 #[cfg(feature = "allocator")]
 mod reserve;
 pub mod sizes;
+pub mod thread;
 
 use std::any::Any;
 use std::cell::Cell;

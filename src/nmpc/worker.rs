@@ -9,13 +9,12 @@ use super::controller::{Feedback, Nmpc, Preparation};
 use super::standby::{Passed, Standby};
 use crate::error::{Error, Result};
 use crate::func::trouble;
-use crate::memory;
+use crate::memory::{self, thread::Thread};
 use crate::qp::QpStatus;
 use crate::stop::Stop;
 use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Share of the deadline for which a feedback waits for a preparation; the rest is for the quadratic program.
@@ -107,7 +106,7 @@ impl Shared {
 /// A controller whose preparations may run on a thread of their own. The thread is started by the first of them.
 pub struct Worker {
     shared: Arc<Shared>,
-    thread: Option<JoinHandle<()>>,
+    thread: Option<Thread>,
     sizes: [usize; 3],
     deadline: f64,
     /// Functions of the model may be called by one thread only.
@@ -169,10 +168,9 @@ impl Worker {
         if let Some(x) = predicted {
             crate::error::finite("predicted state", x, self.sizes[1])?;
         }
-        if !self.serial && self.thread.is_none() && memory::room_for_thread() {
+        if !self.serial && self.thread.is_none() {
             let shared = self.shared.clone();
-            let builder = std::thread::Builder::new().name("switchback".into());
-            self.thread = builder.spawn(move || shared.serve()).ok();
+            self.thread = Thread::start(move || shared.serve());
         }
         let mut state = self.shared.lock();
         if state.busy {
@@ -263,7 +261,6 @@ impl Drop for Worker {
         self.shared.lock().quit = true;
         self.shared.interrupt.store(true, Ordering::Relaxed);
         self.shared.changed.notify_all();
-        // its panics have been reported
-        let _ = thread.join();
+        drop(thread);
     }
 }
