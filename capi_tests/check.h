@@ -11,7 +11,7 @@
 
 static int check_failures;
 
-/* Does the program run fifty times as slowly as otherwise, under valgrind? What is computed again for other numbers only is left out then. */
+/* Does the program run under valgrind, many times as slowly as otherwise? Computations that are only repeated with other numbers are left out then. */
 static inline int check_slow(void)
 {
     return getenv("SWB_TEST_SLOW") != NULL;

@@ -40,10 +40,10 @@ impl Drop for Thread {
 
 /// Runs `other` on up to `n` further threads beside `own`, and waits for all of them, also where `own` panics.
 pub fn beside(n: usize, other: &(dyn Fn() + Sync), own: impl FnOnce()) {
-    let mut threads: Vec<Thread> = Vec::new();
     // SAFETY: the threads are waited for before this returns or unwinds, while `other` is borrowed.
-    threads.extend((0..n).map_while(|_| unsafe { launch(Box::new(other)) }));
+    let threads: Vec<Thread> = (0..n).map_while(|_| unsafe { launch(Box::new(other)) }).collect();
     own();
+    drop(threads);
 }
 
 /// Begins a thread.

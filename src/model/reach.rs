@@ -344,7 +344,7 @@ impl Reach {
 
     /// Linear programs that are worth solving in search of at most `limit` patterns. Where planes in general position have far more
     /// patterns than that, as a rule these have too, and it does not take long to see; least of all for the forms of choices inside of
-    /// choices (`nested`), whose linear programs are a hundred times as expensive ([`MOST_EXACT`]).
+    /// choices (`nested`), whose linear programs are the most expensive ([`MOST_EXACT`]).
     fn patience(&self, limit: usize, nested: bool) -> usize {
         let (n, d) = (self.forms.len(), self.terms.len());
         let (mut expected, mut binomial) = (1.0f64, 1.0f64);
