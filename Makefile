@@ -125,33 +125,16 @@ fuzz-faults: stage
 
 # --- the checks -----------------------------------------------------------------------------------
 
-# One step after the other; each says at its end how long it took.
-define each
-set -e; for step in $(1); do \
-	began=$$(date +%s); \
-	$(MAKE) check-$$step; \
-	echo "check-$$step: $$(( $$(date +%s) - began )) s"; \
-done
-endef
+# What is checked once the library is installed, the longest first: as many at a time as there are processors.
+STEPS := rust hostile python c julia lint crate examples header pkgconfig
 
-# Two processors: the tests in Rust and lint, and beside them all that sees the library from outside, whose output follows at its end.
+# Each step writes into its own file, which follows when it has ended, with how long it took.
 check: PROFILE = tests
 check: deps
 	$(MAKE) check-format
-	$(CARGO) build --profile $(PROFILE)
-	$(MAKE) PROFILE=$(PROFILE) check-outside > $(BUILD)/outside.log 2>&1 & outside=$$!; \
-	$(MAKE) PROFILE=$(PROFILE) check-inside; inside=$$?; \
-	wait $$outside; result=$$?; \
-	cat $(BUILD)/outside.log; \
-	[ $$inside = 0 ] && [ $$result = 0 ]
+	$(MAKE) PROFILE=$(PROFILE) check-stage
+	printf '%s\n' $(STEPS) | xargs -P $(JOBS) -n 1 sh scripts/check_step.sh "$(MAKE) PROFILE=$(PROFILE)" $(BUILD)
 	@echo "all checks passed"
-
-.PHONY: check-inside check-outside
-check-inside:
-	@$(call each,rust lint crate)
-
-check-outside:
-	@$(call each,hostile header stage c examples pkgconfig python julia)
 
 check-format:
 	$(CARGO) fmt --check
