@@ -8,7 +8,7 @@ use switchback::expr::{Expr, Graph};
 use switchback::func::Dims;
 use switchback::mpcc::{BStationarity, FoundBy, Lifted, Member, MpccSettings, MpccSolver, Polish, Solution};
 use switchback::nlp::{Bounds, CallbackNlp, Control, Outcome};
-use switchback::settings::{Portfolio, Relaxation};
+use switchback::settings::{Homotopy, Portfolio, Relaxation};
 use textbook::{all, Expect, Verdict, ACCURACY};
 
 /// The equilibrium of Billups has no free variable and one solution, which the relaxations of Scholtes do not lead to; some
@@ -88,10 +88,17 @@ fn branches_next_to_an_answer_are_tried() {
 }
 
 /// `a b >= least` for a pair has no point where the pair is complementary, but by less than what products may be: the solution of a small
-/// relaxation is the answer, and its polish says that no exact point was found. Where `least` is above that there is none.
+/// relaxation is the answer, and its polish says that no exact point was found. Where `least` is above that there is none. The same of penalties, whose
+/// problems have solutions with open pairs, however large the penalty.
 #[test]
 fn a_relaxation_is_the_answer_where_no_exact_point_is() {
-    let solve = |least: f64| {
+    let elastic = MpccSettings {
+        relaxation: Relaxation::LinfPenalty,
+        homotopy: Homotopy::Outer,
+        portfolio: Portfolio::Off,
+        ..MpccSettings::default()
+    };
+    let solve = |least: f64, settings: MpccSettings| {
         let d = Dims { x: 2, u: 0, p: 0 };
         let g = Graph::new();
         let (a, b) = (g.x(0), g.x(1));
@@ -102,14 +109,17 @@ fn a_relaxation_is_the_answer_where_no_exact_point_is() {
         let mut bounds = Bounds::free(2, 1);
         bounds.cl[0] = least;
         let bounds = program.bounds(&bounds).unwrap();
-        let mut solver = MpccSolver::new(&mut program, MpccSettings::default()).unwrap();
+        let mut solver = MpccSolver::new(&mut program, settings).unwrap();
         let start = program.start(&[1.0; 2]);
         solver.solve(&mut program, &bounds, &start, &mut Control::default()).clone()
     };
-    let relaxed = solve(2.5e-8);
-    assert_eq!((relaxed.outcome, relaxed.polish), (Outcome::Solved, Polish::Rejected));
-    assert!(relaxed.residuals.pair_product >= 2.5e-8 && relaxed.residuals.pair_product <= 1e-7);
-    assert_eq!(solve(1e-6).outcome, Outcome::Infeasible);
+    for settings in [MpccSettings::default(), elastic] {
+        let relaxed = solve(2.5e-8, settings);
+        assert_eq!((relaxed.outcome, relaxed.polish), (Outcome::Solved, Polish::Rejected));
+        assert!(relaxed.residuals.pair_product >= 2.5e-8 && relaxed.residuals.pair_product <= 1e-7);
+        assert_ne!(solve(1e-6, settings).outcome, Outcome::Solved);
+    }
+    assert_eq!(solve(1e-6, MpccSettings::default()).outcome, Outcome::Infeasible);
 }
 
 /// The answer for `n` variables near `wanted`, of which neighbours share a row and one of every second pair of them is zero, which is a

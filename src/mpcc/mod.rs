@@ -22,6 +22,7 @@ mod judge;
 mod lifted;
 mod lpcc;
 mod path;
+mod penalties;
 mod portfolio;
 mod problem;
 mod proposer;

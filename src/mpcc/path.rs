@@ -2,11 +2,12 @@
 //!
 //! Coupled: the ladder of [`Scholtes`] for relaxations; for penalties the rule of Leyffer, López-Calva and Nocedal
 //! (SIAM J. Optim. 17, 2006), which raises `ρ` while pairs, or elastic rows, stay more open than `μ^0.4`; `σ` a multiple of `μ` for
-//! Raghunathan and Biegler. Outer: every problem to the tolerance, from a larger barrier parameter again.
+//! Raghunathan and Biegler. Outer: every problem to the tolerance, from a larger barrier parameter again; penalties as [`Penalties`] says.
 
 use std::ops::Range;
 
-use super::homotopy::Scholtes;
+use super::homotopy::{Scholtes, Spent};
+use super::penalties::Penalties;
 use super::relaxation::Sequence;
 use super::relaxed::Structure;
 use super::scaling::Weight;
@@ -19,6 +20,7 @@ use crate::settings::Homotopy;
 #[derive(Debug, Clone)]
 pub(super) enum Path {
     Coupled(Scholtes),
+    Penalties(Penalties),
     Rule(Rule),
 }
 
@@ -36,6 +38,9 @@ impl Path {
                 let path = Scholtes::new(s, st.sigma_rows(), end);
                 Path::Coupled(path.of(st.scaling.is_by_units(), st.scaling.weight == Weight::Plain))
             }
+            (Sequence::Penalty, Homotopy::Outer) => {
+                Path::Penalties(Penalties::new(s, st.sigma_rows(), Level { mu: s.mu_init, sigma }, end))
+            }
             _ => Path::Rule(Rule::new(s, st, Level { mu: s.mu_init, sigma }, end)),
         }
     }
@@ -47,13 +52,31 @@ impl Path {
                 let path = Scholtes::resume(s, st.sigma_rows(), level, end);
                 Path::Coupled(path.of(st.scaling.is_by_units(), st.scaling.weight == Weight::Plain))
             }
+            (Sequence::Penalty, Homotopy::Outer) => Path::Penalties(Penalties::new(s, st.sigma_rows(), level, end)),
             _ => Path::Rule(Rule::new(s, st, level, end)),
+        }
+    }
+
+    /// The same as one of several strategies, after so many iterations of it: what creeps ends.
+    pub fn after(self, spent: Option<Spent>) -> Path {
+        match self {
+            Path::Coupled(p) => Path::Coupled(p.after(spent)),
+            other => other,
+        }
+    }
+
+    /// Iterations so far, where they are counted.
+    pub fn spent(&self) -> Option<Spent> {
+        match self {
+            Path::Coupled(p) => p.spent(),
+            _ => None,
         }
     }
 
     fn rule(&mut self) -> &mut dyn Continuation {
         match self {
             Path::Coupled(p) => p,
+            Path::Penalties(p) => p,
             Path::Rule(p) => p,
         }
     }
@@ -72,6 +95,7 @@ impl Continuation for Path {
     fn relaxed_rows(&self) -> Range<usize> {
         match self {
             Path::Coupled(p) => p.relaxed_rows(),
+            Path::Penalties(p) => p.relaxed_rows(),
             Path::Rule(p) => p.rows.clone(),
         }
     }

@@ -5,8 +5,10 @@ use std::time::Instant;
 use super::certificate::Certificate;
 use super::conflict::Conflict;
 use super::endgame::{ActiveSet, Effort};
+use super::homotopy::Spent;
 use super::judge::Judge;
 use super::path::Path;
+use super::penalties;
 use super::portfolio::FoundBy;
 use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, NoProposals};
@@ -18,7 +20,7 @@ use crate::linalg::kkt::LinearStats;
 use crate::nlp::{
     Bounds, Continuation, Control, Ipm, Iterate, Level, Monotone, Nlp, Outcome, Residuals, Start, Statistics,
 };
-use crate::settings::Relaxation;
+use crate::settings::{Homotopy, Relaxation};
 use crate::stop;
 
 /// How the polish ended.
@@ -405,9 +407,14 @@ impl MpccSolver {
         // where the last stop was left
         let mut level: Option<Level> = None;
         let mut stops = [FIRST_POLISH; EARLY_POLISH.len() + 3];
-        // the last problems of penalties say nothing of how open the pairs are
-        let keeps = !p.is_discretised() && self.st.strategy().sequence() == Sequence::Relaxation;
-        stops[EARLY_POLISH.len() + 1] = if keeps { KEPT_RELAXATION } else { s.sigma_min };
+        let penalties = self.st.strategy().sequence() == Sequence::Penalty && s.homotopy == Homotopy::Outer;
+        let keeps = !p.is_discretised() && (penalties || self.st.strategy().sequence() == Sequence::Relaxation);
+        // where penalties follow with the barrier parameter the last problems say nothing of how open the pairs are
+        stops[EARLY_POLISH.len() + 1] = match keeps {
+            true if penalties => penalties::KEPT,
+            true => KEPT_RELAXATION,
+            false => s.sigma_min,
+        };
         stops[EARLY_POLISH.len() + 2] = s.sigma_min;
         if s.early_polish {
             let early = if p.is_discretised() { [EARLY_DISCRETISED; EARLY_POLISH.len()] } else { EARLY_POLISH };
@@ -416,20 +423,22 @@ impl MpccSolver {
         for stop in &mut stops {
             *stop = if s.polish { stop.max(s.sigma_min) } else { s.sigma_min }.min(s.sigma_init);
         }
+        let mut spent = (self.has_others() && !p.is_discretised()).then(Spent::default);
         for k in 0..stops.len() {
             let last = stops[k] == stops[stops.len() - 1];
             if !last && stops[k + 1] == stops[k] {
                 continue;
             }
             let outcome = if let Some(level) = level {
-                let mut path = Path::resume(s, &self.st, level, stops[k]);
+                let mut path = Path::resume(s, &self.st, level, stops[k]).after(spent);
                 self.st.bounds(bounds, level.sigma, &mut self.bounds);
                 let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
                 let outcome = self.run(p, Start::Warm(&saved, 1e-12), &mut path, control, b' ');
+                spent = path.spent();
                 self.saved = saved;
                 outcome
             } else {
-                let mut path = Path::new(s, &self.st, stops[k]);
+                let mut path = Path::new(s, &self.st, stops[k]).after(spent);
                 self.st.bounds(bounds, path.start().sigma, &mut self.bounds);
                 let mut start = std::mem::take(&mut self.point);
                 self.st.start(x0, &mut start);
@@ -442,13 +451,14 @@ impl MpccSolver {
                 }
                 self.st.start_elastic(&mut start);
                 let outcome = self.run(p, Start::Cold(&start), &mut path, control, b' ');
+                spent = path.spent();
                 self.point = start;
                 outcome
             };
             // how exactly the relaxation is solved, where its solution may be kept
             let error = if keeps { self.ipm.error() } else { f64::INFINITY };
             // a line search that ends at rounding, at a point that solves this problem as far as its relaxation is exact, ends nothing
-            let arrived = outcome == Outcome::Stalled && !last && error <= stops[k];
+            let arrived = outcome == Outcome::Stalled && !last && !penalties && error <= stops[k];
             let outcome = if arrived { Outcome::Solved } else { outcome };
             self.record(p, outcome, self.solution.polish);
             if !s.polish || !matches!(outcome, Outcome::Solved | Outcome::Stalled) {
@@ -472,6 +482,16 @@ impl MpccSolver {
                 false if end || p.is_discretised() => Effort::All,
                 false => Effort::Identified,
             };
+            if penalties && keeps && stops[k] <= penalties::KEPT {
+                match outcome {
+                    Outcome::Solved => {
+                        self.keep_relaxed(Solution { polish: Polish::Rejected, ..self.solution.clone() })
+                    }
+                    // the answer that was kept is better than where a smaller barrier parameter has led
+                    _ if self.relaxed_answer.is_some() => return,
+                    _ => {}
+                }
+            }
             let exact = error.max(self.solution.residuals.pair_product) <= 2.0 * KEPT_RELAXATION;
             if outcome == Outcome::Solved && stops[k] == KEPT_RELAXATION && exact {
                 // a smaller relaxation may leave less doubt about the active set
