@@ -18,4 +18,5 @@ for stray in tests bindings capi_tests examples benches fuzz scripts; do
 done
 cp -r tests/dependent "$place/dependent"
 cp Cargo.lock "$place/dependent/"
-CARGO_TARGET_DIR=$place/target cargo run --quiet --offline --manifest-path "$place/dependent/Cargo.toml"
+# Nobody debugs it.
+CARGO_PROFILE_DEV_DEBUG=0 CARGO_TARGET_DIR=$place/target cargo run --quiet --offline --manifest-path "$place/dependent/Cargo.toml"
