@@ -393,3 +393,32 @@ fn wrong_statements_are_refused_with_words() {
     let e = MultiPhase::new(vec![Car::thesis().ocp()]).map(|_| ()).unwrap_err();
     assert!(matches!(e, Error::Unsupported(_)), "{e}");
 }
+
+/// Two tanks, of which a pump empties the second from 0.8 down to 0.4: the least effort between two levels. All sequences next to the one that
+/// simulations of the guess lead to, in which the pump runs once, cost 0.578 and more; the best one has another start of the pump at the end.
+#[test]
+fn a_better_sequence_elsewhere_is_found() {
+    let cost = |guess: Option<f64>| {
+        let g = Graph::new();
+        let (h1, h2, pump, u) = (g.x(0), g.x(1), g.x(2), g.u(0));
+        let transitions =
+            vec![edge(h2 - 0.8, Direction::Rising, 2, 0.0, 1.0), edge(h2 - 0.4, Direction::Falling, 2, 1.0, 0.0)];
+        let b = build(&g, 1, &[u - 0.4 * h1, 0.4 * h1 - 0.5 * pump], &[0.0], transitions);
+        let set = Settings { n_s: 2, n_fe: 2, ..Settings::default() };
+        let mut o = Ocp::new(&b.system, 6.0, 18, &set).unwrap();
+        o.set_x0(&[0.5, 0.5, 0.0]).unwrap();
+        o.set_u_bounds(&[0.0], &[1.0]).unwrap();
+        o.set_lagrange(function(&g, &b, "cost", &[u * u + 0.2 * (h2 - 0.9).powi(2)])).unwrap();
+        o.add_terminal(function(&g, &b, "end", &[h1, h2]), &[0.6; 2], &[0.6; 2]).unwrap();
+        if let Some(u) = guess {
+            o.set_u_guess(&[u; 18]).unwrap();
+        }
+        let r = o.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.outcome, Outcome::Solved, "{}", r.message);
+        r.cost
+    };
+    // 0.359636767093 is what single guesses of a random search lead to at best
+    for guess in [None, Some(0.1), Some(0.9)] {
+        assert!((cost(guess) - 0.359_636_767_093).abs() < 1e-9, "{guess:?}: {}", cost(guess));
+    }
+}

@@ -726,6 +726,11 @@ impl Ocp {
         Ok(r)
     }
 
+    /// Is one answer better than another?
+    pub(super) fn has_costs(&self) -> bool {
+        self.lagrange.is_some() || self.mayer.is_some() || !self.squares.is_empty() || !self.soft.is_empty()
+    }
+
     /// Are there constraints on the way that are not linear, as obstacles are?
     fn bends(&self) -> bool {
         self.path.iter().any(|c| c.f.hess_pattern().nnz() > 0)
@@ -735,9 +740,7 @@ impl Ocp {
     /// simulated?
     fn may_smooth(&self, request: &Request) -> bool {
         let s = &self.system;
-        let costs =
-            self.lagrange.is_some() || self.mayer.is_some() || !self.squares.is_empty() || !self.soft.is_empty();
-        costs
+        self.has_costs()
             && self.modes.is_none()
             && self.complementarity.is_empty()
             && s.n_algebraic() == 0

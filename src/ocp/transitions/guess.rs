@@ -45,6 +45,11 @@ impl Guess {
         self.ends[self.ends.len() - 1]
     }
 
+    /// The state at the end of the horizon, or as far as the simulation came.
+    pub fn last_state(&self) -> &[f64] {
+        &self.states[self.states.len() - self.nx()..]
+    }
+
     fn nx(&self) -> usize {
         self.states.len() / self.times.len()
     }

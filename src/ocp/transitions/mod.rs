@@ -5,11 +5,13 @@
 //! that passes zero is an equality at that time, and every guard that is watched keeps its sign until then. Sequences to begin
 //! with come from simulations by events; from the best one with a solution the search goes to sequences next to it, as long as
 //! the cost falls. A transition is put in only where its guard comes close to zero along the best answer: where it stays away a
-//! small change of the controls would not make it, so nothing near the answer is left out.
+//! small change of the controls would not make it, so nothing near the answer is left out. What is not near it is asked of simulations of
+//! controls drawn at random ([`look`]), whose sequences are tried for a share of what the search has taken, as long as one is better.
 
 mod automaton;
 mod guess;
 mod legs;
+mod look;
 mod program;
 
 use std::collections::BTreeSet;
@@ -27,6 +29,7 @@ use super::{CostOf, Durations, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::nlp::{Control, Outcome, SecondOrder, Statistics};
+use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
 use crate::stop;
 
@@ -42,6 +45,8 @@ const USUAL: usize = 15;
 const LESS: f64 = 0.5;
 /// Answers that are not the best whose neighbours are tried.
 const PATIENCE: usize = 3;
+/// Iterations of a second look, as a share of those before.
+const LOOK_SHARE: f64 = 0.5;
 /// A guard that stays further away from zero than this share of its range is not made to pass it.
 const NEAR: f64 = 0.1;
 
@@ -97,6 +102,8 @@ struct Search<'a> {
     spent: Statistics,
     /// Sequences that may still be tried.
     left: usize,
+    /// May a better answer be elsewhere, and is it asked for?
+    looks: bool,
 }
 
 impl Ocp {
@@ -284,6 +291,7 @@ impl<'a> Search<'a> {
             found: Vec::new(),
             spent: Statistics::default(),
             left: SEQUENCES.max(request.search),
+            looks: ocp.has_costs() && request.start != OcpStart::Homotopy,
         })
     }
 
@@ -304,8 +312,19 @@ impl<'a> Search<'a> {
         if self.ocp.is_determined() && self.found.first().is_some_and(|f| f.result.is_exact()) {
             return Ok(());
         }
-        // an answer that is known to be good is improved, and that is all
-        let mut patience = if last.is_some() { 0 } else { PATIENCE };
+        if last.is_some() {
+            // an answer that is known to be good is improved, and that is all
+            return self.descend(0, control);
+        }
+        self.descend(PATIENCE, control)?;
+        while self.look_elsewhere(control)? {
+            self.descend(PATIENCE, control)?;
+        }
+        Ok(())
+    }
+
+    /// Goes from the best sequence to those next to it as long as that helps, and to those next to so many others.
+    fn descend(&mut self, mut patience: usize, control: &mut Control) -> Result<()> {
         while let Some(k) = self.found.iter().position(|f| !f.expanded) {
             if k > 0 && patience == 0 {
                 break;
@@ -320,6 +339,22 @@ impl<'a> Search<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Tries sequences of controls drawn at random for a share of the iterations so far: all sequences next to an answer may cost more where
+    /// another one, with transitions elsewhere, costs half of it. True where one is better.
+    fn look_elsewhere(&mut self, control: &mut Control) -> Result<bool> {
+        let Some(best) = self.found.first().filter(|f| self.looks && f.result.is_exact()) else { return Ok(false) };
+        let most = self.spent.iterations + (LOOK_SHARE * self.spent.iterations as f64).ceil() as usize;
+        for (sequence, guess) in look::shots(self.ocp, &self.automaton, &best.result.controls) {
+            if self.left == 0 || stop::requested().is_some() || self.spent.iterations >= most {
+                break;
+            }
+            if self.attempt(sequence, &guess, control)? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Tries the sequences next to one that was found, the nearest first, up to the first one that is better than all.

@@ -1,0 +1,105 @@
+//! A second look for answers that sequences next to the best one do not lead to: simulations of controls drawn at random, whose sequences
+//! are tried in the order of how nearly they meet the conditions at the end.
+
+use super::automaton::{Automaton, Sequence};
+use super::guess::{self, Guess};
+use crate::func::Point;
+use crate::jumps::spread::{off, spreads};
+use crate::ocp::Ocp;
+use crate::random::SplitMix64;
+use crate::stop;
+
+/// Controls that are drawn.
+const DRAWN: usize = 80;
+/// Pieces of the horizon on which they are constant, in turn; 0: as many as stages.
+const PIECES: [usize; 5] = [1, 2, 3, 6, 0];
+/// Parts of the pieces in which a control is at its lower bound, at its upper one, or as in the answer.
+const AT_LOWER: f64 = 0.15;
+const AT_UPPER: f64 = 0.3;
+const AS_KNOWN: f64 = 0.5;
+/// Range of a control without a bound, as a multiple of its largest modulus in the answer.
+const WIDER: f64 = 2.0;
+const SEED: u64 = 0x10_0c;
+
+/// Sequences of simulations with their motions, none of them twice, those first whose end comes closest to its conditions. `known` are the controls
+/// of an answer.
+pub(super) fn shots(ocp: &Ocp, automaton: &Automaton, known: &[f64]) -> Vec<(Sequence, Guess)> {
+    let nu = ocp.system.dims().u;
+    let ranges: Vec<[f64; 2]> = (0..nu).map(|j| range(ocp, known, j)).collect();
+    let mut numbers = SplitMix64::new(SEED);
+    let mut motions: Vec<(Sequence, Guess)> = Vec::new();
+    let mut ends: Vec<(Vec<f64>, Vec<[f64; 2]>)> = Vec::new();
+    for k in 0..DRAWN {
+        if stop::requested().is_some() {
+            break;
+        }
+        let controls = drawn(ocp.n_stages, &ranges, known, k, &mut numbers);
+        // what cannot be simulated leads nowhere
+        let Ok((sequence, motion)) = guess::simulate(ocp, automaton, &controls) else { continue };
+        let Some(end) = conditions(ocp, &motion) else { continue };
+        motions.push((sequence, motion));
+        ends.push(end);
+    }
+    let scales = spreads(ends.iter().map(|e| &e.0[..]));
+    let misses: Vec<f64> = ends
+        .iter()
+        .map(|(values, bounds)| {
+            let all = values.iter().zip(bounds).zip(&scales);
+            all.map(|((v, b), scale)| off(*v, *b, *scale).powi(2)).sum()
+        })
+        .collect();
+    let mut order: Vec<usize> = (0..motions.len()).collect();
+    order.sort_by(|a, b| misses[*a].total_cmp(&misses[*b]));
+    let mut motions: Vec<Option<(Sequence, Guess)>> = motions.into_iter().map(Some).collect();
+    let mut out: Vec<(Sequence, Guess)> = Vec::new();
+    for k in order {
+        let Some(motion) = motions[k].take() else { continue };
+        if out.iter().all(|known| known.0 != motion.0) {
+            out.push(motion);
+        }
+    }
+    out
+}
+
+/// What a control is drawn from.
+fn range(ocp: &Ocp, known: &[f64], j: usize) -> [f64; 2] {
+    let nu = ocp.system.dims().u;
+    let own = known.iter().skip(j).step_by(nu).fold(0f64, |m, u| m.max(u.abs()));
+    let [lower, upper] = [ocp.u_bounds[0][j], ocp.u_bounds[1][j]];
+    [if lower.is_finite() { lower } else { -WIDER * own }, if upper.is_finite() { upper } else { WIDER * own }]
+}
+
+fn drawn(n_stages: usize, ranges: &[[f64; 2]], known: &[f64], k: usize, numbers: &mut SplitMix64) -> Vec<f64> {
+    let nu = ranges.len();
+    let pieces = match PIECES[k % PIECES.len()] {
+        0 => n_stages,
+        n => n.min(n_stages),
+    };
+    let of_pieces: Vec<(f64, f64)> = (0..pieces * nu).map(|_| (numbers.share(), numbers.share())).collect();
+    let value = |(stage, j): (usize, usize)| {
+        let (which, share) = of_pieces[stage * pieces / n_stages * nu + j];
+        let [lower, upper] = ranges[j];
+        match which {
+            w if w < AT_LOWER => lower,
+            w if w < AT_UPPER => upper,
+            w if w < AS_KNOWN => known[stage * nu + j].max(lower).min(upper),
+            _ => lower + share * (upper - lower),
+        }
+    };
+    (0..n_stages).flat_map(|stage| (0..nu).map(move |j| (stage, j))).map(value).collect()
+}
+
+/// Values of the conditions at the end of a motion, with their bounds; nothing where one has no value.
+fn conditions(ocp: &Ocp, motion: &Guess) -> Option<(Vec<f64>, Vec<[f64; 2]>)> {
+    let (last, nu) = (ocp.n_stages - 1, ocp.system.dims().u);
+    let (x, u) = (motion.last_state(), &motion.controls[last * nu..]);
+    let (mut values, mut bounds) = (Vec::new(), Vec::new());
+    for c in &ocp.terminal {
+        let at = Point { t: ocp.t0 + motion.horizon(), x, u, p: ocp.params_of(last) };
+        let mut out = vec![0.0; c.f.n_out()];
+        c.f.value(&at, &mut out, &mut vec![0.0; c.f.work_len()]).ok()?;
+        values.extend(out);
+        bounds.extend(c.lower.iter().zip(&c.upper).map(|(l, u)| [*l, *u]));
+    }
+    values.iter().all(|v| v.is_finite()).then_some((values, bounds))
+}
