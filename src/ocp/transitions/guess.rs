@@ -156,12 +156,21 @@ pub(super) fn controls(ocp: &Ocp) -> Vec<Vec<f64>> {
     all
 }
 
+/// What simulates: one for all simulations of a search.
+pub(super) fn engine(ocp: &Ocp) -> Result<Engine> {
+    let loose = event::Options { max_steps: MAX_STEPS, ..event::Options::with_tolerance(TOLERANCE, TOLERANCE) };
+    Engine::new(&ocp.system, &loose)
+}
+
 /// Simulates controls by events: the transitions that are made and the states on the way. Stops early where the simulation
 /// does; what follows is constant then.
-pub(super) fn simulate(ocp: &Ocp, automaton: &Automaton, controls: &[f64]) -> Result<(Sequence, Guess)> {
+pub(super) fn simulate(
+    ocp: &Ocp,
+    automaton: &Automaton,
+    engine: &mut Engine,
+    controls: &[f64],
+) -> Result<(Sequence, Guess)> {
     let d = ocp.system.dims();
-    let loose = event::Options { max_steps: MAX_STEPS, ..event::Options::with_tolerance(TOLERANCE, TOLERANCE) };
-    let mut engine = Engine::new(&ocp.system, &loose)?;
     let x0: Vec<f64> = middles(&ocp.x0_bounds);
     engine.reinit(ocp.t0, &x0)?;
     let mut g = Guess {

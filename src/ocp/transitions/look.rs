@@ -3,6 +3,7 @@
 
 use super::automaton::{Automaton, Sequence};
 use super::guess::{self, Guess};
+use crate::error::Result;
 use crate::func::Point;
 use crate::jumps::spread::{off, spreads};
 use crate::ocp::Ocp;
@@ -23,9 +24,13 @@ const SEED: u64 = 0x10_0c;
 
 /// Sequences of simulations with their motions, none of them twice, those first whose end comes closest to its conditions. `known` are the controls
 /// of an answer.
-pub(super) fn shots(ocp: &Ocp, automaton: &Automaton, known: &[f64]) -> Vec<(Sequence, Guess)> {
+///
+/// # Errors
+/// Those of making what simulates.
+pub(super) fn shots(ocp: &Ocp, automaton: &Automaton, known: &[f64]) -> Result<Vec<(Sequence, Guess)>> {
     let nu = ocp.system.dims().u;
     let ranges: Vec<[f64; 2]> = (0..nu).map(|j| range(ocp, known, j)).collect();
+    let mut engine = guess::engine(ocp)?;
     let mut numbers = SplitMix64::new(SEED);
     let mut motions: Vec<(Sequence, Guess)> = Vec::new();
     let mut ends: Vec<(Vec<f64>, Vec<[f64; 2]>)> = Vec::new();
@@ -35,7 +40,7 @@ pub(super) fn shots(ocp: &Ocp, automaton: &Automaton, known: &[f64]) -> Vec<(Seq
         }
         let controls = drawn(ocp.n_stages, &ranges, known, k, &mut numbers);
         // what cannot be simulated leads nowhere
-        let Ok((sequence, motion)) = guess::simulate(ocp, automaton, &controls) else { continue };
+        let Ok((sequence, motion)) = guess::simulate(ocp, automaton, &mut engine, &controls) else { continue };
         let Some(end) = conditions(ocp, &motion) else { continue };
         motions.push((sequence, motion));
         ends.push(end);
@@ -58,7 +63,7 @@ pub(super) fn shots(ocp: &Ocp, automaton: &Automaton, known: &[f64]) -> Vec<(Seq
             out.push(motion);
         }
     }
-    out
+    Ok(out)
 }
 
 /// What a control is drawn from.

@@ -304,8 +304,9 @@ impl<'a> Search<'a> {
         }
         // an answer of before may have a sequence that the problem of now does not admit
         if self.found.is_empty() {
+            let mut engine = guess::engine(self.ocp)?;
             for u in guess::controls(self.ocp) {
-                let (sequence, guess) = guess::simulate(self.ocp, &self.automaton, &u)?;
+                let (sequence, guess) = guess::simulate(self.ocp, &self.automaton, &mut engine, &u)?;
                 self.attempt(sequence, &guess, control)?;
             }
         }
@@ -346,7 +347,7 @@ impl<'a> Search<'a> {
     fn look_elsewhere(&mut self, control: &mut Control) -> Result<bool> {
         let Some(best) = self.found.first().filter(|f| self.looks && f.result.is_exact()) else { return Ok(false) };
         let most = self.spent.iterations + (LOOK_SHARE * self.spent.iterations as f64).ceil() as usize;
-        for (sequence, guess) in look::shots(self.ocp, &self.automaton, &best.result.controls) {
+        for (sequence, guess) in look::shots(self.ocp, &self.automaton, &best.result.controls)? {
             if self.left == 0 || stop::requested().is_some() || self.spent.iterations >= most {
                 break;
             }
@@ -510,7 +511,7 @@ mod tests {
             let mut s = Search::new(&o, &request).unwrap();
             let mut u = vec![5.0; 10];
             u[5..].fill(-5.0);
-            let (sequence, guess) = guess::simulate(&o, &s.automaton, &u).unwrap();
+            let (sequence, guess) = guess::simulate(&o, &s.automaton, &mut guess::engine(&o).unwrap(), &u).unwrap();
             let start = guess.for_sequence(&sequence, &pair(on, off));
             s.attempt(pair(on, off), &start, &mut Control::default()).unwrap();
             let r = &s.found[0].result;
@@ -531,7 +532,7 @@ mod tests {
                 let mut s = Search::new(&o, &request).unwrap();
                 let mut u = vec![5.0; 7];
                 u[half..].fill(-5.0);
-                let (sequence, guess) = guess::simulate(&o, &s.automaton, &u).unwrap();
+                let (sequence, guess) = guess::simulate(&o, &s.automaton, &mut guess::engine(&o).unwrap(), &u).unwrap();
                 for (on, off) in (0..7).flat_map(|on| (on..7).map(move |off| (on, off))) {
                     let start = guess.for_sequence(&sequence, &pair(on, off));
                     s.attempt(pair(on, off), &start, &mut Control::default()).unwrap();
