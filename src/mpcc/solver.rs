@@ -407,11 +407,11 @@ impl MpccSolver {
         // where the last stop was left
         let mut level: Option<Level> = None;
         let mut stops = [FIRST_POLISH; EARLY_POLISH.len() + 3];
-        let penalties = self.st.strategy().sequence() == Sequence::Penalty && s.homotopy == Homotopy::Outer;
-        let keeps = !p.is_discretised() && (penalties || self.st.strategy().sequence() == Sequence::Relaxation);
+        let by_penalties = self.st.strategy().sequence() == Sequence::Penalty && s.homotopy == Homotopy::Outer;
+        let keeps = !p.is_discretised() && (by_penalties || self.st.strategy().sequence() == Sequence::Relaxation);
         // where penalties follow with the barrier parameter the last problems say nothing of how open the pairs are
         stops[EARLY_POLISH.len() + 1] = match keeps {
-            true if penalties => penalties::KEPT,
+            true if by_penalties => penalties::KEPT,
             true => KEPT_RELAXATION,
             false => s.sigma_min,
         };
@@ -458,7 +458,7 @@ impl MpccSolver {
             // how exactly the relaxation is solved, where its solution may be kept
             let error = if keeps { self.ipm.error() } else { f64::INFINITY };
             // a line search that ends at rounding, at a point that solves this problem as far as its relaxation is exact, ends nothing
-            let arrived = outcome == Outcome::Stalled && !last && !penalties && error <= stops[k];
+            let arrived = outcome == Outcome::Stalled && !last && !by_penalties && error <= stops[k];
             let outcome = if arrived { Outcome::Solved } else { outcome };
             self.record(p, outcome, self.solution.polish);
             if !s.polish || !matches!(outcome, Outcome::Solved | Outcome::Stalled) {
@@ -482,7 +482,7 @@ impl MpccSolver {
                 false if end || p.is_discretised() => Effort::All,
                 false => Effort::Identified,
             };
-            if penalties && keeps && stops[k] <= penalties::KEPT {
+            if by_penalties && keeps && stops[k] <= penalties::KEPT {
                 match outcome {
                     Outcome::Solved => {
                         self.keep_relaxed(Solution { polish: Polish::Rejected, ..self.solution.clone() })
