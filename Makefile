@@ -125,15 +125,16 @@ fuzz-faults: stage
 
 # --- the checks -----------------------------------------------------------------------------------
 
-# What is checked once the library is installed, the longest first: as many at a time as there are processors.
+# What is checked once the library and the Python package are installed, the longest first: as many at a time as there are processors. INSTALLED
+# says so to steps that would install it themselves.
 STEPS := rust hostile python c julia lint crate examples header pkgconfig
 
 # Each step writes into its own file, which follows when it has ended, with how long it took.
 check: PROFILE = tests
 check: deps
 	$(MAKE) check-format
-	$(MAKE) PROFILE=$(PROFILE) check-stage
-	printf '%s\n' $(STEPS) | xargs -P $(JOBS) -n 1 sh scripts/check_step.sh "$(MAKE) PROFILE=$(PROFILE)" $(BUILD)
+	$(MAKE) PROFILE=$(PROFILE) check-stage wheel
+	printf '%s\n' $(STEPS) | xargs -P $(JOBS) -n 1 sh scripts/check_step.sh "$(MAKE) PROFILE=$(PROFILE) INSTALLED=yes" $(BUILD)
 	@echo "all checks passed"
 
 check-format:
@@ -204,7 +205,7 @@ release-wheel: deps
 
 check-python:
 ifneq ($(wildcard bindings/python/pyproject.toml),)
-	$(MAKE) wheel
+	$(if $(INSTALLED),,$(MAKE) wheel)
 	cd $(BUILD) && MPLBACKEND=Agg $(VENV)/bin/python -m pytest -q -rs --durations=12 -p no:cacheprovider $(CURDIR)/bindings/python/tests
 endif
 
@@ -215,6 +216,7 @@ check-hostile:
 # Python finds with the same library. -O0: the tests compile much and compute little.
 check-julia:
 	$(PYTHON) bindings/julia/gen/generate.py --check
+	$(if $(INSTALLED),,$(MAKE) wheel)
 	@if julia=$$(sh scripts/get_julia.sh $(BUILD)/julia); then \
 		SWITCHBACK_LIBRARY=$(LIBRARY)/libswitchback.so \
 			$(VENV)/bin/python bindings/julia/test/reference.py $(BUILD)/julia_reference.json && \
