@@ -32,7 +32,6 @@ static swb_ocp *make_problem(const swb_settings *settings)
     return ocp;
 }
 
-/* Start x0, switch at -x0/3; the cost is -x0^3/9 + (2 + x0/3)^3/3 + (1/3 + x0/3)^2, least at x0 below. */
 /* Where the program is slow the homotopy from the guess alone: searches for better answers solve the same kind of program again and again. */
 static void without_search(swb_ocp *ocp)
 {
@@ -40,6 +39,7 @@ static void without_search(swb_ocp *ocp)
         CHECK_OK(swb_ocp_set_int(ocp, "ocp_start", SWB_OCP_START_HOMOTOPY));
 }
 
+/* Start x0, switch at -x0/3; the cost is -x0^3/9 + (2 + x0/3)^3/3 + (1/3 + x0/3)^2, least at x0 below. */
 static void known_solution(void)
 {
     const double x0 = (18.0 - sqrt(1668.0)) / 16.0;

@@ -17,11 +17,26 @@ impl SplitMix64 {
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
     }
+
+    /// Pairs of numbers for `n` intervals and `width` quantities, `[n · width]`, the same on each of so many pieces of the intervals; 0: as many
+    /// pieces as intervals.
+    pub(crate) fn on_pieces(&mut self, n: usize, pieces: usize, width: usize) -> Vec<(f64, f64)> {
+        let pieces = if pieces == 0 { n } else { pieces.min(n) };
+        let drawn: Vec<(f64, f64)> = (0..pieces * width).map(|_| (self.share(), self.share())).collect();
+        (0..n).flat_map(|i| &drawn[i * pieces / n * width..][..width]).copied().collect()
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pieces_share_their_numbers() {
+        let (five, two) = (SplitMix64::new(1).on_pieces(5, 2, 3), SplitMix64::new(1).on_pieces(2, 0, 3));
+        assert_eq!((&five[..9], &five[9..]), (&[&two[..3]; 3].concat()[..], &[&two[3..]; 2].concat()[..]));
+        assert!(SplitMix64::new(1).on_pieces(2, 9, 3) == two && SplitMix64::new(1).on_pieces(4, 1, 0).is_empty());
+    }
 
     #[test]
     fn numbers_are_those_of_the_publication() {

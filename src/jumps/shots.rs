@@ -529,23 +529,16 @@ impl<'a> Range<'a> {
 
     fn drawn(&self, k: usize, numbers: &mut SplitMix64) -> Vec<f64> {
         let n_u = self.p.given.dims.u;
-        let pieces = match PIECES[k % PIECES.len()] {
-            0 => self.stretches,
-            n => n.min(self.stretches),
+        let pieces = numbers.on_pieces(self.stretches, PIECES[k % PIECES.len()], n_u);
+        let control = |j: usize, s: usize| match pieces[s * n_u + j] {
+            (w, _) if w < AT_LOWER => 0.0,
+            (w, _) if w < AT_UPPER => 1.0,
+            (w, _) if w < AS_GIVEN => self.variables[j].share_of_given(),
+            (_, anywhere) => anywhere,
         };
-        let mut of_piece = vec![0.0; pieces * n_u];
-        for (i, share) in of_piece.iter_mut().enumerate() {
-            let (which, anywhere) = (numbers.share(), numbers.share());
-            *share = match which {
-                w if w < AT_LOWER => 0.0,
-                w if w < AT_UPPER => 1.0,
-                w if w < AS_GIVEN => self.variables[i % n_u].share_of_given(),
-                _ => anywhere,
-            };
-        }
         let of = |v: &Variable| match v.kind {
             _ if k == 0 => v.share_of_given(),
-            Kind::Control(j, s) => of_piece[s * pieces / self.stretches * n_u + j],
+            Kind::Control(j, s) => control(j, s),
             _ => numbers.share(),
         };
         self.variables.iter().map(of).collect()

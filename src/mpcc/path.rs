@@ -111,8 +111,6 @@ impl Continuation for Path {
 const GAMMA: f64 = 0.4;
 /// A complementarity that has not fallen by this share over the history is not falling.
 const FALLS: f64 = 0.99;
-/// A complementarity that has grown by this factor is unbounded.
-const GROWS: f64 = 1e3;
 const HISTORY: usize = 10;
 /// Factor of the penalty parameter, and the inverse of its largest value.
 const RHO_FACTOR: f64 = 10.0;
@@ -172,24 +170,19 @@ impl Rule {
         };
         self.stays = 0;
         self.history.fill(f64::INFINITY);
-        let mu = match (s.homotopy, self.sequence) {
-            (Homotopy::Coupled, _) => level.mu,
-            (Homotopy::Outer, Sequence::Relaxation) => s.mu_init.min(sigma * s.mu_over_sigma),
-            (Homotopy::Outer, _) => s.mu_init,
+        let mu = match self.sequence {
+            Sequence::Relaxation => s.mu_init.min(sigma * s.mu_over_sigma),
+            _ => level.mu,
         };
         Some(Level { mu, sigma })
     }
 
-    /// Does the product of the pairs say that this penalty is too small? Coupled: it is no longer falling. Outer, where
-    /// every problem is to be solved: it has grown as where there is no solution.
+    /// Does the product of the pairs say that this penalty is too small? It is no longer falling.
     fn too_weak(&mut self, product: f64) -> bool {
-        let (smallest, largest) = self.history.iter().fold((f64::INFINITY, 0f64), |a, v| (a.0.min(*v), a.1.max(*v)));
+        let largest = self.history.iter().fold(0f64, |a, v| a.max(*v));
         self.history.rotate_right(1);
         self.history[0] = product;
-        match self.settings.homotopy {
-            Homotopy::Coupled => largest.is_finite() && product > FALLS * largest,
-            Homotopy::Outer => product > GROWS * smallest.max(1.0),
-        }
+        largest.is_finite() && product > FALLS * largest
     }
 }
 
@@ -202,7 +195,6 @@ impl Continuation for Rule {
         let Level { mu, sigma } = m.level;
         let floor = self.floor(sigma);
         let mut open = m.pair_min.max(m.elastic) > mu.powf(GAMMA);
-        let coupled = self.settings.homotopy == Homotopy::Coupled;
         self.stays += 1;
         let stuck = self.stays > PROBLEM_ITERATIONS && m.primal <= 1e-4;
         let penalty = self.sequence == Sequence::Penalty;
@@ -212,7 +204,7 @@ impl Continuation for Rule {
             }
             return Advance::Stay;
         }
-        if penalty && coupled && open {
+        if penalty && open {
             return self.tighten(m.level, open).map_or(Advance::GiveUp, Advance::To);
         }
         if mu > floor {

@@ -122,18 +122,13 @@ impl Ocp {
         let mut numbers = SplitMix64::new(seed);
         let ranges = self.control_ranges();
         let mut one = |k: usize| -> Vec<f64> {
-            let pieces = COARSE[k % COARSE.len()].min(self.n_stages);
-            let mut drawn = Vec::with_capacity(pieces * ranges.len());
-            for [l, u] in (0..pieces).flat_map(|_| &ranges) {
-                let (which, between) = (numbers.share(), numbers.share());
-                drawn.push(match which {
-                    w if w < AT_BOUND => *l,
-                    w if w < 2.0 * AT_BOUND => *u,
-                    _ => l + (u - l) * between,
-                });
-            }
-            let of = |k: usize| &drawn[k * pieces / self.n_stages * ranges.len()..][..ranges.len()];
-            (0..self.n_stages).flat_map(of).copied().collect()
+            let drawn = numbers.on_pieces(self.n_stages, COARSE[k % COARSE.len()], ranges.len());
+            let value = |((which, between), [l, u]): ((f64, f64), &[f64; 2])| match which {
+                w if w < AT_BOUND => *l,
+                w if w < 2.0 * AT_BOUND => *u,
+                _ => l + (u - l) * between,
+            };
+            drawn.into_iter().zip(ranges.iter().cycle()).map(value).collect()
         };
         (0..n).map(&mut one).collect()
     }

@@ -9,7 +9,7 @@ use super::solve::Built;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
-use crate::jumps::spread::{off, spreads};
+use crate::jumps::spread::misses;
 use crate::random::SplitMix64;
 use crate::stop;
 use shooting::Shooting;
@@ -181,11 +181,9 @@ impl Ocp {
             }
         }
         let (lower, upper) = shooting.row_bounds();
-        let spreads = spreads(tried.iter().map(|t| &t.0[..]));
-        let off = |rows: &[f64]| -> f64 {
-            rows.iter().enumerate().map(|(i, v)| off(*v, [lower[i], upper[i]], spreads[i]).powi(2)).sum()
-        };
-        let mut order: Vec<(f64, Vec<f64>)> = tried.iter().map(|(rows, u)| (off(rows), u.clone())).collect();
+        let bounds: Vec<[f64; 2]> = lower.iter().zip(upper).map(|(l, u)| [*l, *u]).collect();
+        let off = misses(tried.iter().map(|t| &t.0[..]), &bounds);
+        let mut order: Vec<(f64, Vec<f64>)> = off.into_iter().zip(tried).map(|(off, t)| (off, t.1)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         Ok(order.into_iter().map(|o| o.1).collect())
     }

@@ -4,8 +4,9 @@
 use super::automaton::{Automaton, Sequence};
 use super::guess::{self, Guess};
 use crate::error::Result;
+use crate::fesd::Terminal;
 use crate::func::Point;
-use crate::jumps::spread::{off, spreads};
+use crate::jumps::spread::misses;
 use crate::ocp::Ocp;
 use crate::random::SplitMix64;
 use crate::stop;
@@ -33,7 +34,7 @@ pub(super) fn shots(ocp: &Ocp, automaton: &Automaton, known: &[f64]) -> Result<V
     let mut engine = guess::engine(ocp)?;
     let mut numbers = SplitMix64::new(SEED);
     let mut motions: Vec<(Sequence, Guess)> = Vec::new();
-    let mut ends: Vec<(Vec<f64>, Vec<[f64; 2]>)> = Vec::new();
+    let mut ends: Vec<Vec<f64>> = Vec::new();
     for k in 0..DRAWN {
         if stop::requested().is_some() {
             break;
@@ -45,14 +46,10 @@ pub(super) fn shots(ocp: &Ocp, automaton: &Automaton, known: &[f64]) -> Result<V
         motions.push((sequence, motion));
         ends.push(end);
     }
-    let scales = spreads(ends.iter().map(|e| &e.0[..]));
-    let misses: Vec<f64> = ends
-        .iter()
-        .map(|(values, bounds)| {
-            let all = values.iter().zip(bounds).zip(&scales);
-            all.map(|((v, b), scale)| off(*v, *b, *scale).powi(2)).sum()
-        })
-        .collect();
+    let of =
+        |c: &Terminal| c.lower.iter().copied().zip(c.upper.iter().copied()).map(|(l, u)| [l, u]).collect::<Vec<_>>();
+    let bounds: Vec<[f64; 2]> = ocp.terminal.iter().flat_map(of).collect();
+    let misses = misses(ends.iter().map(|e| &e[..]), &bounds);
     let mut order: Vec<usize> = (0..motions.len()).collect();
     order.sort_by(|a, b| misses[*a].total_cmp(&misses[*b]));
     let mut motions: Vec<Option<(Sequence, Guess)>> = motions.into_iter().map(Some).collect();
@@ -75,36 +72,26 @@ fn range(ocp: &Ocp, known: &[f64], j: usize) -> [f64; 2] {
 }
 
 fn drawn(n_stages: usize, ranges: &[[f64; 2]], known: &[f64], k: usize, numbers: &mut SplitMix64) -> Vec<f64> {
-    let nu = ranges.len();
-    let pieces = match PIECES[k % PIECES.len()] {
-        0 => n_stages,
-        n => n.min(n_stages),
+    let drawn = numbers.on_pieces(n_stages, PIECES[k % PIECES.len()], ranges.len());
+    let value = |(((which, share), [lower, upper]), known): (((f64, f64), &[f64; 2]), &f64)| match which {
+        w if w < AT_LOWER => *lower,
+        w if w < AT_UPPER => *upper,
+        w if w < AS_KNOWN => known.max(*lower).min(*upper),
+        _ => lower + share * (upper - lower),
     };
-    let of_pieces: Vec<(f64, f64)> = (0..pieces * nu).map(|_| (numbers.share(), numbers.share())).collect();
-    let value = |(stage, j): (usize, usize)| {
-        let (which, share) = of_pieces[stage * pieces / n_stages * nu + j];
-        let [lower, upper] = ranges[j];
-        match which {
-            w if w < AT_LOWER => lower,
-            w if w < AT_UPPER => upper,
-            w if w < AS_KNOWN => known[stage * nu + j].max(lower).min(upper),
-            _ => lower + share * (upper - lower),
-        }
-    };
-    (0..n_stages).flat_map(|stage| (0..nu).map(move |j| (stage, j))).map(value).collect()
+    drawn.into_iter().zip(ranges.iter().cycle()).zip(known).map(value).collect()
 }
 
-/// Values of the conditions at the end of a motion, with their bounds; nothing where one has no value.
-fn conditions(ocp: &Ocp, motion: &Guess) -> Option<(Vec<f64>, Vec<[f64; 2]>)> {
+/// Values of the conditions at the end of a motion; nothing where one has no value.
+fn conditions(ocp: &Ocp, motion: &Guess) -> Option<Vec<f64>> {
     let (last, nu) = (ocp.n_stages - 1, ocp.system.dims().u);
     let (x, u) = (motion.last_state(), &motion.controls[last * nu..]);
-    let (mut values, mut bounds) = (Vec::new(), Vec::new());
+    let mut values = Vec::new();
     for c in &ocp.terminal {
         let at = Point { t: ocp.t0 + motion.horizon(), x, u, p: ocp.params_of(last) };
         let mut out = vec![0.0; c.f.n_out()];
         c.f.value(&at, &mut out, &mut vec![0.0; c.f.work_len()]).ok()?;
         values.extend(out);
-        bounds.extend(c.lower.iter().zip(&c.upper).map(|(l, u)| [*l, *u]));
     }
-    values.iter().all(|v| v.is_finite()).then_some((values, bounds))
+    values.iter().all(|v| v.is_finite()).then_some(values)
 }
