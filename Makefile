@@ -32,7 +32,7 @@ HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml -
 
 .NOTPARALLEL:
 .PHONY: all build demo examples benchmarks site check install header docs deps clean fuzz \
-	demo-report demo-c demo-python stage \
+	demo-report demo-c demo-python stage stage-examples \
 	check-format check-lint check-rust check-header check-stage check-c check-examples check-pkgconfig check-python \
 	check-julia check-hostile check-crate
 
@@ -125,15 +125,15 @@ fuzz-faults: stage
 
 # --- the checks -----------------------------------------------------------------------------------
 
-# What is checked once the library and the Python package are installed, the longest first: as many at a time as there are processors. INSTALLED
-# says so to steps that would install it themselves.
+# What is checked once the library, the Python package and the examples in C are there, the longest first: as many at a time as there are
+# processors. INSTALLED says so to steps that would make them themselves.
 STEPS := rust hostile python c julia lint crate examples header pkgconfig
 
 # Each step writes into its own file, which follows when it has ended, with how long it took.
 check: PROFILE = tests
 check: deps
 	$(MAKE) check-format
-	$(MAKE) PROFILE=$(PROFILE) check-stage wheel
+	$(MAKE) PROFILE=$(PROFILE) check-stage wheel stage-examples
 	printf '%s\n' $(STEPS) | xargs -P $(JOBS) -n 1 sh scripts/check_step.sh "$(MAKE) PROFILE=$(PROFILE) INSTALLED=yes" $(BUILD)
 	@echo "all checks passed"
 
@@ -178,9 +178,13 @@ check-c:
 	$(CMAKE) --build $(BUILD)/capi --parallel $(JOBS)
 	ctest --test-dir $(BUILD)/capi --output-on-failure --no-tests=error --parallel $(JOBS)
 
-check-examples:
+# The examples in C, for check-examples and for the Python tests that compare with them.
+stage-examples:
 	$(CMAKE) -S examples/c -B $(BUILD)/examples_c_check -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=$(BUILD)/moved
 	$(CMAKE) --build $(BUILD)/examples_c_check --parallel $(JOBS)
+
+check-examples:
+	$(if $(INSTALLED),,$(MAKE) stage-examples)
 	set -e; for source in examples/c/*.c; do \
 		$(BUILD)/examples_c_check/$$(basename $$source .c) $(BUILD)/examples_c_check > /dev/null; \
 	done
