@@ -553,6 +553,35 @@ fn generous_bounds_of_states_change_no_answer() {
     }
 }
 
+/// A point is pushed through a hollow of its floor, from places on it that are zero but for rounding, or nearly: what they differ by is no size of anything,
+/// and no overlap.
+#[test]
+fn starts_next_to_zero_are_starts_at_zero() {
+    let solve = |height: f64| {
+        let g = Graph::new();
+        let (x, y) = (g.x(0), g.x(1));
+        let mut scene = Scene::new("hollow", 2, 2, 1, 0).unwrap();
+        scene.set_force(0, g.u(0).id()).unwrap();
+        scene.set_force(1, g.constant(-G).id()).unwrap();
+        let floor = ((x * std::f64::consts::TAU / 0.2).cos() - 1.0) * 0.04;
+        scene.add_contact(Contact::new(&g, "floor", y - floor)).unwrap();
+        let built = scene.build(&g).unwrap();
+        let mut ocp = Ocp::new(&built.system, 0.5, 8, &Settings { n_s: 2, n_fe: 1, ..Settings::default() }).unwrap();
+        ocp.set_x0(&[0.0, height, 0.0, 0.0]).unwrap();
+        ocp.set_u_bounds(&[-9.0], &[9.0]).unwrap();
+        ocp.set_lagrange(Arc::new(g.function("effort", built.dims, &[g.u(0) * g.u(0)]).unwrap())).unwrap();
+        ocp.add_terminal(Arc::new(g.function("end", built.dims, &[x]).unwrap()), &[0.1], &[0.1]).unwrap();
+        let r = ocp.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.outcome, Outcome::Solved, "{height}: {}", r.message);
+        r.cost
+    };
+    let at_zero = solve(0.0);
+    for height in [-1.5e-15, 1e-12, 1e-9] {
+        let cost = solve(height);
+        assert!((cost - at_zero).abs() < 1e-6 * at_zero, "{height}: {cost} instead of {at_zero}");
+    }
+}
+
 /// A mass on a spring that bounces off a stop, in a unit of length: everything scales with that. Only the simulation of the guess says when it bounces.
 #[test]
 fn guesses_do_not_depend_on_the_unit_of_length() {

@@ -28,6 +28,7 @@ mod modes;
 mod neighbours;
 mod overlap;
 mod problem;
+mod reach;
 mod refine;
 mod result;
 #[cfg(test)]

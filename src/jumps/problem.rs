@@ -1,6 +1,7 @@
 //! What is discretised: a scene with costs and constraints on a grid of control stages.
 
 use super::functions::SceneFunctions;
+use super::reach;
 use super::scales;
 use crate::error::{Error, Result};
 use crate::fesd::{Boundary, Durations, PathConstraint, Terminal};
@@ -94,6 +95,8 @@ pub struct Problem {
     pub(super) given: Statement,
     pub(super) functions: SceneFunctions,
     pub(super) knows_time: bool,
+    /// How far forces take the states in the horizon.
+    pub(super) reach: Vec<f64>,
 }
 
 impl Problem {
@@ -118,13 +121,14 @@ impl Problem {
         let outer = g.lagrange.iter().chain(&g.mayer).chain(&g.grid_cost).chain(g.path.iter().map(|c| &c.f));
         let mut outer = outer.chain(g.terminal.iter().map(|c| &c.f)).chain(g.boundary.iter().map(|c| &c.f));
         let knows_time = functions.knows_time || outer.any(|f| !f.jac_pattern().rows(f.dims().t_col()).is_empty());
-        Ok(Problem { given, functions, knows_time })
+        let reach = reach::of_forces(&given, &functions);
+        Ok(Problem { given, functions, knows_time, reach })
     }
 
     /// The same with implicit Euler, the method of one stage point.
     pub(super) fn with_one_stage_point(&self) -> Result<Problem> {
         let given = Statement { tableau: Tableau::new(Family::RadauIia, 1)?, ..self.given.clone() };
-        Ok(Problem { given, functions: self.functions.clone(), knows_time: self.knows_time })
+        Ok(Problem { given, ..self.clone() })
     }
 
     /// The same on a finer grid: with more stage points up to [`MOST_POINTS`], then with so many times the elements of every control stage.
@@ -135,17 +139,12 @@ impl Problem {
         } else {
             given.n_fe.iter_mut().enumerate().for_each(|(k, n)| *n *= times(k));
         }
-        Ok(Problem { given, functions: self.functions.clone(), knows_time: self.knows_time })
+        Ok(Problem { given, ..self.clone() })
     }
 
     /// What was stated.
     pub fn given(&self) -> &Statement {
         &self.given
-    }
-
-    /// Takes over other bounds, parameters and lengths of the same sizes: the functions stay.
-    pub fn restate(&mut self, given: Statement) {
-        self.given = given;
     }
 
     /// Control stages.

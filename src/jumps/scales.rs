@@ -1,5 +1,6 @@
 //! Usual sizes of the states of a scene, from what a problem says of them.
 
+use super::functions::ContactFunctions;
 use super::problem::Problem;
 use super::track::Piece;
 use crate::func::Point;
@@ -9,22 +10,38 @@ use crate::system::SharedFunction;
 /// Bounds count up to this multiple of what states have as their size without them.
 const BOUNDED: f64 = 10.0;
 
-/// Sizes of the states: the largest of their values at the start, at the target and at their finite bounds. A state of which these say nothing
-/// has the size of the largest of its kind; coordinates of which nothing is known have that of the largest gap at the start, velocities cross the
+/// Share of what forces move a state by in the horizon, and share of the largest state of its kind, below which a value says nothing of its size: who
+/// starts that near to zero starts at it, and a program in units of such a value would hold nothing but rounding. What forces do to a state has its unit, so
+/// that this is the same in all units; the other share is next to rounding.
+const NEXT_TO_ZERO: f64 = 1e-6;
+const ROUNDED: f64 = 1e-12;
+
+/// Sizes of the states: the largest of their values at the start, at the target and at their finite bounds, where these are more than next to zero. A
+/// state of which these say nothing has the size of the largest of its kind; coordinates of which nothing is known have that of the largest gap at the start, velocities cross the
 /// largest coordinate in the horizon. Bounds say how large a state may be, not how large it is, and are often generous: they count up to ten times
 /// what its kind has without them. Where nothing at all has a size, there is no unit to be independent of, and they are 1.
 pub(super) fn of_states(p: &Problem, x0: &[f64], target: Option<&[f64]>) -> Vec<f64> {
     let g = &p.given;
     let n_q = p.functions.n_q;
     let largest = |x: &[f64]| x.iter().copied().fold(0.0, f64::max);
-    let known: Vec<f64> = (0..g.dims.x).map(|i| target.map_or(x0[i].abs(), |t| x0[i].abs().max(t[i].abs()))).collect();
+    let beyond = |v: f64, least: f64| if v > least { v } else { 0.0 };
+    let value = |i: usize| target.map_or(x0[i].abs(), |t| x0[i].abs().max(t[i].abs()));
+    let mut known: Vec<f64> = (0..g.dims.x).map(|i| beyond(value(i), NEXT_TO_ZERO * p.reach[i])).collect();
+    let (coordinates, velocities) = known.split_at_mut(n_q);
+    for kind in [coordinates, velocities] {
+        let least = ROUNDED * largest(kind);
+        kind.iter_mut().for_each(|v| *v = beyond(*v, least));
+    }
     let sides = [&g.x_bounds[0], &g.x_bounds[1], &g.x0_bounds[0], &g.x0_bounds[1]];
     let bound = |i: usize| sides.iter().map(|b| b[i].abs()).filter(|b| b.is_finite()).fold(0.0, f64::max);
-    let bounds: Vec<f64> = (0..g.dims.x).map(bound).collect();
+    let bounds: Vec<f64> = (0..g.dims.x).map(|i| beyond(bound(i), NEXT_TO_ZERO * p.reach[i])).collect();
     let horizon: f64 = g.durations.iter().sum();
     let u = vec![0.0; g.dims.u];
-    let gaps = p.gaps(&Point { t: g.t0, x: x0, u: &u, p: &g.params[..g.dims.p] });
-    let gap = gaps.iter().map(|gap| gap.1.abs()).filter(|gap| gap.is_finite()).fold(0.0, f64::max);
+    let at = Point { t: g.t0, x: x0, u: &u, p: &g.params[..g.dims.p] };
+    let own = |(gap, f): ((&str, f64), &ContactFunctions)| {
+        beyond(gap.1.abs(), NEXT_TO_ZERO * of_value(&f.gap, &at, &p.reach))
+    };
+    let gap = p.gaps(&at).into_iter().zip(&p.functions.contacts).map(own).filter(|g| g.is_finite()).fold(0.0, f64::max);
     let (q, v) = (largest(&known[..n_q]), largest(&known[n_q..]));
     let of_bounds = [largest(&bounds[..n_q]), largest(&bounds[n_q..]) * horizon];
     let ways = [q, gap, v * horizon].into_iter().chain(of_bounds);
@@ -62,7 +79,7 @@ pub(super) fn of_values(f: &SharedFunction, at: &Point, sizes: &[f64]) -> Vec<f6
 /// Share of the size that is known of a state below which it is zero but for the rounding of a program.
 const ROUNDING: f64 = 1e-12;
 
-/// Sizes of the states of a motion: their largest moduli, and of those that are zero all the time the sizes that are known without it.
+/// Sizes of the states of a motion: their largest moduli, and of those that are next to zero all the time the sizes that are known without it.
 pub(super) fn of_motion(p: &Problem, x0: &[f64], pieces: &[Piece]) -> Vec<f64> {
     let mut sizes = vec![0f64; x0.len()];
     let states = pieces.iter().flat_map(|q| q.x0.chunks(x0.len()).chain(q.xs.chunks(x0.len())));
@@ -70,8 +87,11 @@ pub(super) fn of_motion(p: &Problem, x0: &[f64], pieces: &[Piece]) -> Vec<f64> {
         sizes.iter_mut().zip(x).for_each(|(size, v)| *size = size.max(v.abs()));
     }
     let known = of_states(p, x0, None);
-    let is_zero = |(size, known): &(&mut f64, f64)| **size <= ROUNDING * known;
-    sizes.iter_mut().zip(known).filter(is_zero).for_each(|(size, known)| *size = known);
+    for ((size, known), reach) in sizes.iter_mut().zip(known).zip(&p.reach) {
+        if *size <= (ROUNDING * known).max(NEXT_TO_ZERO * reach) {
+            *size = known;
+        }
+    }
     sizes
 }
 
@@ -200,6 +220,20 @@ mod tests {
         assert_eq!(sizes(1.0, [0.2, 3.0, 2.0, 0.1]), [0.2, 3.0, 2.0, 0.1]);
         // at rest on the floor, nothing else has a unit
         assert_eq!(sizes(0.0, [3.0, f64::INFINITY, 1.0, 1e3]), [3.0, 3.0, 1.0, 15.0]);
+    }
+
+    #[test]
+    fn a_start_next_to_zero_is_one_at_zero() {
+        let sizes = |height: f64| {
+            let p = Problem::new(ball_from(height)).unwrap();
+            of_states(&p, &p.given().x0_bounds[0], None)
+        };
+        let at_zero = sizes(0.0);
+        for height in [1e-17, -1e-15, 1e-9, 1e-6] {
+            assert_eq!(sizes(height), at_zero, "{height}");
+        }
+        // it falls by 20 in that time
+        assert_eq!(sizes(1e-4)[1], 1e-4);
     }
 
     #[test]

@@ -116,6 +116,7 @@ impl Engine {
         }
         let sizes = recover(self.field.contact_sizes(t, &self.x).map(|()| true), false)?;
         let loosest = self.rtol.iter().fold(0.0f64, |m, v| m.max(*v)).max(TOUCHES * EPS);
+        let (rtol, atol, row, n_z) = (&self.rtol, &self.atol, &mut self.scene.row, self.field.n_z);
         let checked = self.field.with_contacts(t, &self.x, |c, at, _| -> Result<()> {
             if !c.dynamics.is_definite(at) {
                 return Err(Error::Range(format!(
@@ -135,9 +136,10 @@ impl Engine {
                 if known.is_err() {
                     continue;
                 }
+                // what the tolerances do not see of the coordinates is no overlap of bodies
+                let unseen = c.unseen(i, at, c.dynamics.mechanics.n_q, (rtol, atol), (row, n_z)).map_or(0.0, |u| u[0]);
                 let (b, name) = (c.dynamics.block(i), &c.dynamics.mechanics.contacts[i].name);
-                // sizes hold what the absolute tolerances take for zero
-                if b.gap[0] < -loosest * c.sizes[i][0] {
+                if b.gap[0] < -unseen.max(loosest * c.sizes[i][0]) {
                     return Err(Error::Range(format!(
                         "the gap of contact {name} is {} at the start: the bodies overlap; start with a gap of zero or more",
                         b.gap[0]
