@@ -3,6 +3,7 @@
 use super::functions::SceneFunctions;
 use super::reach;
 use super::scales;
+use super::search::Answer;
 use crate::error::{Error, Result};
 use crate::fesd::{Boundary, Durations, PathConstraint, Terminal};
 use crate::func::{Dims, Point};
@@ -140,6 +141,16 @@ impl Problem {
             given.n_fe.iter_mut().enumerate().for_each(|(k, n)| *n *= times(k));
         }
         Ok(Problem { given, ..self.clone() })
+    }
+
+    /// The same with the lengths and parameters of an answer as those to start from.
+    pub(super) fn restated_at(&self, answer: &Answer) -> Problem {
+        let mut given = self.given.clone();
+        given.durations = answer.durations(self.n_stages());
+        for &(j, value) in &answer.params {
+            given.params.iter_mut().skip(j).step_by(given.wide.p).for_each(|p| *p = value);
+        }
+        Problem { given, ..self.clone() }
     }
 
     /// What was stated.

@@ -5,13 +5,14 @@
 //! the control problem. Either the simulations meet contacts that the order of the answer does not have, between two points of its grid: then the
 //! order they have is solved for, from their motion. Or the grid is too coarse: on a finer one, in the stages that are off, the order of the answer
 //! is solved for from its motion. Those next to it are compared on the first finer grid: what they cost changes there, and next to nothing on the
-//! grids behind. All grids together take no more than [`SHARE`] of the effort of the search, and never less than one program each. What is found
+//! grids behind. Where no order has a solution on the finer grid the coarse one has made a motion that there is not: then a motion that there is is looked
+//! for beside it ([`solve_beside`]). All grids together take no more than [`SHARE`] of the effort of the search, and never less than one program each. What is found
 //! replaces the answer where simulations of its stages are closer to it; of two that they are as far from the cheaper one is kept.
 
 use super::exact::Solved;
 use super::modes::{ContactMode, Key, Sequence};
 use super::problem::Problem;
-use super::search::{solve_again, Answer, Options, Reach};
+use super::search::{solve_again, solve_beside, Answer, Found, Options, Reach, Sought};
 use super::simulate::replay_stages;
 use super::track::{Piece, Track};
 use crate::error::Result;
@@ -45,7 +46,7 @@ pub struct Refined {
 }
 
 impl Refined {
-    fn new(problem: Problem, (answer, solved): (Answer, Solved), tol: f64) -> Refined {
+    fn new(problem: Problem, (answer, solved): Found, tol: f64) -> Refined {
         let (stages, motion) = match replay_stages(&problem, &answer, &answer.durations(problem.n_stages()), tol) {
             Ok(s) => (s.off, s.track),
             Err(_) => (vec![f64::INFINITY; problem.n_stages()], answer.track.clone()),
@@ -91,15 +92,43 @@ struct Spent {
     tried: usize,
 }
 
-/// Refines an answer until simulations of its stages are within `within` of it, or as far as that has solutions.
+impl Spent {
+    /// Effort that is left.
+    fn left(&self) -> usize {
+        self.most.saturating_sub(self.effort)
+    }
+
+    /// What was found on a grid, with what it has taken counted.
+    fn refined(&mut self, grid: Problem, sought: Sought, tol: f64) -> Option<Refined> {
+        self.effort += sought.effort;
+        self.stats.add(&sought.stats);
+        self.tried += sought.tried;
+        sought.found.map(|found| Refined::new(grid, found, tol))
+    }
+}
+
+/// What refining aims at.
+#[derive(Debug, Clone, Copy)]
+pub struct Aim {
+    /// How far simulations of single stages may be off.
+    pub within: f64,
+    /// How far they are off at least for an answer whose order has no solution on a finer grid to be left for one beside it.
+    pub far: f64,
+    /// Tolerance of the simulations, relative to the sizes of the states.
+    pub tol: f64,
+    /// Are shots tried beside it?
+    pub shoots: bool,
+}
+
+/// Refines an answer until simulations of its stages are near enough, or as far as that has solutions.
 ///
 /// # Errors
 /// Those of building programs.
 pub fn refine(
     problem: Problem,
-    found: (Answer, Solved),
+    found: Found,
     options: &Options,
-    (within, tol): (f64, f64),
+    Aim { within, far, tol, shoots }: Aim,
     control: &mut Control,
 ) -> Result<Refined> {
     let mut best = Refined::new(problem, found, tol);
@@ -128,8 +157,12 @@ pub fn refine(
             let motion = best.nearest_motion();
             let from = (&best.answer.sequence, &motion);
             let reach = if std::mem::replace(&mut compared, true) { Reach::Wanted } else { Reach::Local };
-            next = again(finer, from, (options, reach), tol, &mut spent, control)?;
+            next = again(finer.clone(), from, (options, reach), tol, &mut spent, control)?;
             next = next.filter(|n| n.replaces(&best, within));
+            if next.is_none() && best.off > far {
+                let sought = solve_beside(&finer, (&best.answer, options), (shoots, spent.left()), control)?;
+                next = spent.refined(finer, sought, tol).filter(|n| n.replaces(&best, within));
+            }
         }
         let Some(next) = next else { break };
         asked.push(next.answer.sequence.key());
@@ -148,10 +181,6 @@ fn again(
     spent: &mut Spent,
     control: &mut Control,
 ) -> Result<Option<Refined>> {
-    let left = spent.most.saturating_sub(spent.effort);
-    let Some((answer, solved)) = solve_again(&grid, from, (options, reach), left, control)? else { return Ok(None) };
-    spent.effort += answer.effort;
-    spent.stats.add(&answer.stats);
-    spent.tried += answer.tried;
-    Ok(Some(Refined::new(grid, (answer, solved), tol)))
+    let sought = solve_again(&grid, from, (options, reach), spent.left(), control)?;
+    Ok(spent.refined(grid, sought, tol))
 }

@@ -11,7 +11,7 @@ use super::modal::{self, Held};
 use super::modes::{ContactMode, Event, Key, Sequence, LEAST};
 use super::neighbours::{in_turn, neighbours, with_impact, Move, Neighbour};
 use super::problem::Problem;
-use super::shots::{cheaper, missed, simulation, Missed};
+use super::shots::{beside, cheaper, missed, simulation, Missed};
 use super::simulate::met;
 use super::track::Track;
 use super::transcribe::Broken;
@@ -21,7 +21,7 @@ use crate::func::Point;
 use crate::mpcc::{Certificate, MpccSettings};
 use crate::nlp::{Control, Outcome, Residuals, Statistics};
 use crate::stop::{self, Why};
-use starts::starts;
+use starts::{starts, Start};
 
 /// How contact modes are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -163,6 +163,25 @@ impl Answer {
     }
 }
 
+/// An answer with its program.
+pub type Found = (Answer, Solved);
+
+/// What became of a search on a finer grid.
+pub(super) struct Sought {
+    /// The answer, if there is one.
+    pub(super) found: Option<Found>,
+    /// Iterations times variables of all programs.
+    pub(super) effort: usize,
+    /// What all solves took.
+    pub(super) stats: Statistics,
+    /// Sequences that were solved for.
+    pub(super) tried: usize,
+}
+
+/// Solutions that are kept beside the best, and share of their costs by which these differ at least.
+const OTHERS: usize = 3;
+const APART: f64 = 0.01;
+
 /// Iterations of the program of a sequence, which take a dozen where it has a solution, and of one that gets close to one.
 const ITERATIONS: usize = 150;
 const NEAR_ITERATIONS: usize = 80;
@@ -232,12 +251,12 @@ const AGREES: f64 = 0.1;
 /// Share of the cost by which a sequence must be better to count.
 const GAIN: f64 = 1e-9;
 
-/// Solves: the best answer, and its program.
+/// Solves: the best answer and its program, and dearer ones that were found on the way, the cheapest first, for whom the best is none of the control problem.
 ///
 /// # Errors
 /// Those of simulations of the guess and of building programs. That there is no solution is no error: it is the outcome of the
 /// answer.
-pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(Answer, Solved)> {
+pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(Found, Vec<Found>)> {
     let clock = Instant::now();
     let mut s = Search::new(p, options);
     if let Some(last) = &options.warm {
@@ -278,6 +297,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         _ => None,
     };
     let seen = s.seen;
+    let others = s.other_answers();
     let (mut best, solved) =
         s.into_answer(clock).ok_or_else(|| Error::Internal("a search without an answer".into()))?;
     best.blame = blame;
@@ -293,7 +313,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         let of_closest = |(contact, t)| Paradox { contact, t, of_guess: false };
         best.paradox = guessed.or_else(|| closest.and_then(|s| s.paradox()).map(of_closest));
     }
-    Ok((best, solved))
+    Ok(((best, solved), others))
 }
 
 /// Solves for an order of contacts on another grid of the same control stages, from a motion that has it, and for those next to it within
@@ -307,7 +327,7 @@ pub(super) fn solve_again(
     (options, reach): (&Options, Reach),
     most: usize,
     control: &mut Control,
-) -> Result<Option<(Answer, Solved)>> {
+) -> Result<Sought> {
     let clock = Instant::now();
     let mut s = Search { most_effort: most, refines: true, close: true, ..Search::new(p, options) };
     let sequence = &sequence.without_idle_impacts();
@@ -323,7 +343,45 @@ pub(super) fn solve_again(
     if s.is_solved() {
         s.improve(reach, options.search, control)?;
     }
-    Ok(if s.is_solved() { s.into_answer(clock) } else { None })
+    Ok(s.into_sought(clock))
+}
+
+/// Searches on a finer grid of the same control stages for an answer beside one that its simulation leaves, whose order of contacts has no solution there: from
+/// the simulation of its controls, aimed at the constraints and as it is, and, if asked, from shots; as long as the effort is less than `most`. No answer where
+/// nothing of that leads to a solution.
+///
+/// # Errors
+/// Those of simulations and of building programs.
+pub(super) fn solve_beside(
+    p: &Problem,
+    (answer, options): (&Answer, &Options),
+    (shoots, most): (bool, usize),
+    control: &mut Control,
+) -> Result<Sought> {
+    let clock = Instant::now();
+    let p = &p.restated_at(answer);
+    let given = (answer.controls().to_vec(), answer.x0.clone());
+    let options =
+        &Options { controls: given.0, x0: given.1, states: None, sequence: None, warm: None, ..options.clone() };
+    let mut s = Search { most_effort: most, refines: true, ..Search::new(p, options) };
+    if let Some(shot) = beside(p, options, answer)? {
+        s.compete(control, |s, control| {
+            s.attempt(&shot.track.sequence(p.n_stages()), &shot.track, ITERATIONS, control)?;
+            Ok(true)
+        })?;
+    }
+    for start in [Start::Guess, Start::Shots] {
+        if !s.is_solved() && !s.is_over() && (shoots || start != Start::Shots) {
+            s.explore(start, control)?;
+        }
+    }
+    if !s.is_solved() && !s.is_over() {
+        s.insist(control)?;
+    }
+    if s.is_solved() {
+        s.improve(Reach::Local, options.search, control)?;
+    }
+    Ok(s.into_sought(clock))
 }
 
 /// Which sequences next to the best are tried.
@@ -361,7 +419,9 @@ struct Search<'a> {
     largest: f64,
     /// Starts so far: what failed from another start is tried again.
     round: usize,
-    best: Option<(Answer, Solved)>,
+    best: Option<Found>,
+    /// Solutions that are dearer, the cheapest first.
+    others: Vec<Found>,
     /// Cost of the best answer of other starts, and the effort with which a start is left that has led to a dearer one.
     rival: Option<f64>,
     most_behind: usize,
@@ -419,6 +479,7 @@ impl<'a> Search<'a> {
             attempts: 0,
             largest: 0.0,
             best: None,
+            others: Vec::new(),
             rival: None,
             most_behind: usize::MAX,
             dimensions: (0, 0, 0),
@@ -445,7 +506,7 @@ impl<'a> Search<'a> {
     }
 
     /// The best answer with what the search has spent; nothing without one.
-    fn into_answer(self, clock: Instant) -> Option<(Answer, Solved)> {
+    fn into_answer(self, clock: Instant) -> Option<Found> {
         let settled = self.is_settled();
         let (mut best, solved) = self.best?;
         if !best.is_solved() {
@@ -469,6 +530,12 @@ impl<'a> Search<'a> {
         }
         best.freezing = self.freezing;
         Some((best, solved))
+    }
+
+    /// What it has led to and spent, where only a solution is an answer.
+    fn into_sought(self, clock: Instant) -> Sought {
+        let (effort, stats, tried) = (self.effort, self.spent, self.attempts);
+        Sought { found: if self.is_solved() { self.into_answer(clock) } else { None }, effort, stats, tried }
     }
 
     fn is_solved(&self) -> bool {
@@ -550,11 +617,36 @@ impl<'a> Search<'a> {
             let same = |new: &Answer| (new.cost - old.0.cost).abs() <= GAIN * old.0.cost.abs();
             let as_good = self.best.as_ref().is_some_and(|new| new.0.is_solved() && same(&new.0));
             self.agreed |= old.0.is_solved() && (self.met || as_good);
-            if self.best.as_ref().is_none_or(|new| !is_better(&new.0, &old.0, self.largest)) {
-                self.best = Some(old);
-            }
+            let keeps = self.best.as_ref().is_none_or(|new| !is_better(&new.0, &old.0, self.largest));
+            let dearer = if keeps { self.best.replace(old) } else { Some(old) };
+            self.keep(dearer);
         }
         Ok(())
+    }
+
+    /// Keeps a solution that is not the best, or is not any more; of those with about the same cost the cheapest.
+    fn keep(&mut self, dearer: Option<Found>) {
+        let Some(new) = dearer.filter(|d| d.0.is_solved()) else { return };
+        let at = self.others.partition_point(|o| o.0.cost <= new.0.cost);
+        let apart = |a: f64, b: f64| b - a > APART * a.abs();
+        if at > 0 && !apart(self.others[at - 1].0.cost, new.0.cost) {
+            return;
+        }
+        let cost = new.0.cost;
+        self.others.insert(at, new);
+        while self.others.get(at + 1).is_some_and(|o| !apart(cost, o.0.cost)) {
+            self.others.remove(at + 1);
+        }
+        self.others.truncate(OTHERS);
+    }
+
+    /// Takes the solutions that are dearer than the best, with the effort of the search.
+    fn other_answers(&mut self) -> Vec<Found> {
+        let mut others = std::mem::take(&mut self.others);
+        let best = self.best.as_ref().map_or(f64::INFINITY, |b| b.0.cost);
+        others.retain(|o| o.0.cost - best > APART * best.abs());
+        others.iter_mut().for_each(|o| o.0.effort = self.effort);
+        others
     }
 
     /// May the sequence have a solution that is not known yet?
@@ -701,7 +793,8 @@ impl<'a> Search<'a> {
         let better = self.best.as_ref().is_none_or(|b| is_better(&answer, &b.0, self.largest));
         if better {
             self.bests += 1;
-            self.best = Some((answer, solved));
+            let dearer = self.best.replace((answer, solved));
+            self.keep(dearer);
         }
         Ok(better)
     }

@@ -180,7 +180,7 @@ pub(super) struct Volley<'a> {
 impl<'a> Volley<'a> {
     /// Draws them.
     pub(super) fn new(p: &'a Problem, o: &'a Options) -> Result<Volley<'a>> {
-        let mut range = Range::new(p, o, MOST_STEPS)?;
+        let mut range = Range::new(p, o, MOST_STEPS, STRETCHES)?;
         let drawn = range.draw();
         Ok(Volley { range, drawn })
     }
@@ -224,7 +224,7 @@ impl<'a> Volley<'a> {
 /// constraint like the others, and no control is drawn from much further than its own. Those that were aimed and hit come first, then those
 /// that were only drawn, one of every order of contacts.
 pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usize) -> Result<Vec<Shot>> {
-    let mut range = Range::new(p, o, (DRAWN_SHARE * most_steps as f64) as usize)?;
+    let mut range = Range::new(p, o, (DRAWN_SHARE * most_steps as f64) as usize, STRETCHES)?;
     range.below = Some(known.cost);
     range.narrow(known.controls());
     range.size_up(known);
@@ -248,6 +248,23 @@ pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usiz
     Ok(out)
 }
 
+/// The motion that the controls of an answer have in a simulation, aimed at the constraints by the controls of all stages: where a coarse grid has a motion
+/// that there is not, one that there is lies beside it. Nothing where it does not come near.
+pub(super) fn beside(p: &Problem, o: &Options, answer: &Answer) -> Result<Option<Shot>> {
+    let mut range = Range::new(p, o, MOST_STEPS, p.n_stages())?;
+    range.closely = true;
+    range.size_up(answer);
+    let scales = range.most_spread.clone();
+    let at: Vec<f64> = range.variables.iter().map(Variable::share_of_given).collect();
+    let Some(flight) = range.fly(&at) else { return Ok(None) };
+    let found = range.aim(&Drawn { at, flight, aimed: false }, &scales);
+    let miss = largest(&found.flight.off(&scales));
+    if miss > NEARLY {
+        return Ok(None);
+    }
+    range.shot(&found.at, miss)
+}
+
 /// Those that hit first, the cheapest of them before others, then by how far they miss.
 fn sort(shots: &mut [Shot]) {
     let of = |s: &Shot| if s.miss <= HITS { (0.0, s.cost) } else { (s.miss, s.cost) };
@@ -255,11 +272,12 @@ fn sort(shots: &mut [Shot]) {
 }
 
 impl<'a> Range<'a> {
-    fn new(p: &'a Problem, o: &'a Options, most_steps: usize) -> Result<Range<'a>> {
+    /// With so many stretches of the horizon, or more where the conditions at the end ask for more.
+    fn new(p: &'a Problem, o: &'a Options, most_steps: usize, stretches: usize) -> Result<Range<'a>> {
         let g = &p.given;
         let ends: usize = g.terminal.iter().map(|c| c.f.n_out()).chain(g.boundary.iter().map(|c| c.f.n_out())).sum();
         let least = (PER_CONDITION * ends).div_ceil(g.dims.u.max(1));
-        let stretches = STRETCHES.max(least).min(p.n_stages());
+        let stretches = stretches.max(least).min(p.n_stages());
         let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
         let mut range = Range {
             p,
@@ -391,7 +409,9 @@ impl<'a> Range<'a> {
             }
             Some(())
         });
-        out.push(known.cost.abs());
+        if self.below.is_some() {
+            out.push(known.cost.abs());
+        }
         self.most_spread = out;
     }
 

@@ -8,11 +8,12 @@ use super::solve::Start;
 use super::{Jumps, Ocp, OcpResult, OcpSensitivity, SLACK};
 use crate::error::{Error, Result};
 use crate::func::Point;
-use crate::jumps::{self, Answer, Blame, Contacts, Missed, Of, Options, Problem, Sequence, Solved};
+use crate::jumps::{self, Aim, Answer, Blame, Contacts, Found, Missed, Of, Options, Problem, Sequence, Solved};
 use crate::memory;
 use crate::mpcc::Polish;
 use crate::nlp::middle;
 use crate::nlp::{Control, Outcome};
+use crate::stop;
 use crate::tableau::Tableau;
 
 /// How contact modes are found, and what is known of them.
@@ -70,24 +71,23 @@ impl Ocp {
         self.check_start(&problem)?;
         let options = self.scene_options(&problem, &extended, start, request);
         let time_build = clock.elapsed().as_secs_f64();
-        let (answer, solved) = jumps::solve(&problem, &options, control)?;
-        let mut last = Last { answer, problem, solved };
-        let mut result = self.replayed(&last, &extended, request)?;
-        result.message = self.scene_message(&last.problem, &last.answer);
+        let (found, others) = jumps::solve(&problem, &options, control)?;
+        let asked = |shoots| (&extended, &options, request, shoots);
+        let (mut last, mut result, mut followed) = self.compared(problem.clone(), found, asked(true), control)?;
         if last.answer.is_solved() {
-            let mut followed = true;
-            if let Some(c) = request.comparison.filter(|_| !is_its_motion(&last, &result)) {
-                let within = AIM * largest_state(&last.problem, &last.answer);
-                let finer =
-                    jumps::refine(last.problem, (last.answer, last.solved), &options, (within, c.tol), control)?;
-                last = Last { answer: finer.answer, problem: finer.problem, solved: finer.solved };
-                result = self.replayed(&last, &extended, request)?;
-                let left = self.departure(&last, &result, finer.off);
-                result.message = self.scene_message(&last.problem, &last.answer);
-                if result.message.is_empty() {
-                    result.message = left.as_ref().map_or_else(String::new, |l| l.0.clone());
+            // what is dearer may be a motion that there is
+            for mut other in others {
+                if followed || stop::requested().is_some() {
+                    break;
                 }
-                followed = left.is_none_or(|l| l.1);
+                (other.0.stats, other.0.tried) = (last.answer.stats, last.answer.tried);
+                let next = self.compared(problem.clone(), other, asked(false), control)?;
+                if next.2 {
+                    (last, result, followed) = next;
+                } else {
+                    (last.answer.stats, last.answer.tried) = (next.0.answer.stats, next.0.answer.tried);
+                    result.stats = last.answer.stats;
+                }
             }
             result.optimality = Some(self.scene_optimality(&last.answer, followed));
             self.scene.last = Some(last);
@@ -103,6 +103,32 @@ impl Ocp {
         }
         result.time_build = time_build;
         Ok(result)
+    }
+
+    /// An answer, refined where its simulation leaves it, if asked with shots beside it, with its result, and whether it is a motion of the control problem.
+    fn compared(
+        &self,
+        problem: Problem,
+        (answer, solved): Found,
+        (extended, options, request, shoots): (&Extended, &Options, &Request, bool),
+        control: &mut Control,
+    ) -> Result<(Last, OcpResult, bool)> {
+        let mut last = Last { answer, problem, solved };
+        let mut result = self.replayed(&last, extended, request)?;
+        result.message = self.scene_message(&last.problem, &last.answer);
+        let compares = request.comparison.filter(|_| last.answer.is_solved() && !is_its_motion(&last, &result));
+        let Some(c) = compares else { return Ok((last, result, true)) };
+        let largest = largest_state(&last.problem, &last.answer);
+        let aim = Aim { within: AIM * largest, far: OFF_IN_A_STAGE * largest, tol: c.tol, shoots };
+        let finer = jumps::refine(last.problem, (last.answer, last.solved), options, aim, control)?;
+        last = Last { answer: finer.answer, problem: finer.problem, solved: finer.solved };
+        result = self.replayed(&last, extended, request)?;
+        let left = self.departure(&last, &result, finer.off);
+        result.message = self.scene_message(&last.problem, &last.answer);
+        if result.message.is_empty() {
+            result.message = left.as_ref().map_or_else(String::new, |l| l.0.clone());
+        }
+        Ok((last, result, left.is_none_or(|l| l.1)))
     }
 
     /// How a simulation of the controls leaves a motion whose stages, simulated one by one, are off by as much as `off`: in words, and whether the
