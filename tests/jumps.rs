@@ -582,6 +582,36 @@ fn starts_next_to_zero_are_starts_at_zero() {
     }
 }
 
+/// A point is to stop at the height of a step that it lies on, which is that high but for the tail of the function that rounds its edge: conditions at the end
+/// contradict the contact by 1e-9. There is a motion all the same, and it costs about as much as one to anywhere near that height.
+#[test]
+fn conditions_that_nearly_contradict_a_contact_are_met() {
+    let solve = |either_way: f64| {
+        let g = Graph::new();
+        let (x, y) = (g.x(0), g.x(1));
+        let mut scene = Scene::new("step", 2, 2, 1, 0).unwrap();
+        scene.set_force(0, g.u(0).id()).unwrap();
+        scene.set_force(1, g.constant(-G).id()).unwrap();
+        let floor = (((x - 0.5) * 20.0).tanh() - (-10f64).tanh()) * 0.15;
+        scene.add_contact(Contact::new(&g, "step", y - floor)).unwrap();
+        let built = scene.build(&g).unwrap();
+        let mut ocp = Ocp::new(&built.system, 1.0, 8, &Settings { n_s: 2, n_fe: 1, ..Settings::default() }).unwrap();
+        ocp.set_x0(&[0.0; 4]).unwrap();
+        ocp.set_u_bounds(&[-20.0], &[20.0]).unwrap();
+        ocp.set_lagrange(Arc::new(g.function("effort", built.dims, &[g.u(0) * g.u(0)]).unwrap())).unwrap();
+        let end = Arc::new(g.function("end", built.dims, &[x, y, g.x(2)]).unwrap());
+        ocp.add_terminal(end, &[1.0, 0.3 - either_way, 0.0], &[1.0, 0.3 + either_way, 0.0]).unwrap();
+        let r = ocp.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.outcome, Outcome::Solved, "{either_way}: {}", r.message);
+        let end = &r.trajectory.elements.last().unwrap().x1;
+        assert!((end[1] - 0.3).abs() <= either_way.max(1e-8), "{end:?}");
+        r.cost
+    };
+    let (there, near) = (solve(0.0), solve(1e-6));
+    // both searches end at local optima, which are 5 % apart
+    assert!(there < 1.1 * near, "{there} instead of {near}");
+}
+
 /// A mass on a spring that bounces off a stop, in a unit of length: everything scales with that. Only the simulation of the guess says when it bounces.
 #[test]
 fn guesses_do_not_depend_on_the_unit_of_length() {

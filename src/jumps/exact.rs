@@ -134,6 +134,7 @@ pub(super) fn solve_sequence(
         vanishing,
         touched,
         settled: false,
+        contradicts: false,
         overlap,
         kinks,
         gradient,
@@ -182,7 +183,7 @@ fn run(
     control: &mut Control,
 ) -> (Solution, f64) {
     let mut ended = false;
-    let mut prospects = Prospects::new(limits, solver.settings.tol);
+    let mut prospects = Prospects::new(limits, solver.row_tolerance());
     let stop = control.stop.clone();
     let user = &mut control.monitor;
     let mut monitor = |i: &IterationInfo| {
@@ -237,7 +238,7 @@ const CREEPING: usize = 15;
 /// What can still become of a program.
 struct Prospects {
     limits: Limits,
-    /// Violation of a solution.
+    /// Violation of the rows that a program aims at.
     tolerance: f64,
     least: f64,
     last: f64,

@@ -3,10 +3,11 @@
 use super::functions::SceneFunctions;
 use super::reach;
 use super::scales;
-use super::search::Answer;
+use super::search::{Answer, CONTRADICTION};
 use crate::error::{Error, Result};
 use crate::fesd::{Boundary, Durations, PathConstraint, Terminal};
 use crate::func::{Dims, Point};
+use crate::nlp::middles;
 use crate::system::{SharedFunction, System};
 use crate::tableau::{Family, Tableau};
 
@@ -150,6 +151,32 @@ impl Problem {
         for &(j, value) in &answer.params {
             given.params.iter_mut().skip(j).step_by(given.wide.p).for_each(|p| *p = value);
         }
+        Problem { given, ..self.clone() }
+    }
+
+    /// The same with conditions along the way and at its end, and bounds of states behind the start, that leave room for contradictions of next to nothing: each by
+    /// that share of the size of its value at the start.
+    pub fn with_room(&self) -> Problem {
+        let mut given = self.given.clone();
+        let x0 = middles(&given.x0_bounds);
+        let sizes = scales::of_states(self, &x0, None);
+        let zeros = vec![0.0; given.wide.u];
+        let ends = [&x0[..], &x0].concat();
+        let room = |f: &SharedFunction, x: &[f64]| -> Vec<f64> {
+            let at = Point { t: given.t0, x, u: &zeros, p: &given.params[..given.wide.p] };
+            scales::of_values(f, &at, &sizes).into_iter().map(|size| CONTRADICTION * size).collect()
+        };
+        let widen = |lower: &mut [f64], upper: &mut [f64], room: &[f64]| {
+            lower.iter_mut().zip(upper).zip(room).for_each(|((l, u), r)| (*l, *u) = (*l - r, *u + r));
+        };
+        let (mut path, mut terminal, mut boundary) =
+            (given.path.clone(), given.terminal.clone(), given.boundary.clone());
+        path.iter_mut().for_each(|c| widen(&mut c.lower, &mut c.upper, &room(&c.f, &x0)));
+        terminal.iter_mut().for_each(|c| widen(&mut c.lower, &mut c.upper, &room(&c.f, &x0)));
+        boundary.iter_mut().for_each(|c| widen(&mut c.lower, &mut c.upper, &room(&c.f, &ends)));
+        let [mut lower, mut upper] = given.x_bounds.clone();
+        widen(&mut lower, &mut upper, &sizes.iter().map(|s| CONTRADICTION * s).collect::<Vec<f64>>());
+        (given.path, given.terminal, given.boundary, given.x_bounds) = (path, terminal, boundary, [lower, upper]);
         Problem { given, ..self.clone() }
     }
 

@@ -101,6 +101,8 @@ pub struct Answer {
     pub touched: Vec<Touched>,
     /// Were all sequences next to it tried, and is none better?
     pub settled: bool,
+    /// Has a sequence that costs less no solution only for constraints that contradict each other by next to nothing?
+    pub contradicts: bool,
     /// Do bodies overlap between the points at which their gaps are held?
     pub overlap: bool,
     /// Events between control stages, and conditions of modes that are reached: the control stage, the time, and whether it is the latter.
@@ -187,6 +189,9 @@ const ITERATIONS: usize = 150;
 const NEAR_ITERATIONS: usize = 80;
 /// Iterations from where the program of a sequence got stuck where another one has a solution: those that go on from there do so in a few.
 const AGAIN_ITERATIONS: usize = 30;
+/// Share of their sizes by which constraints contradict each other by next to nothing: a body that is to stop at a height of 0.3, and lies on a step that is so
+/// high but for the tail of a function that rounds its edge, is there.
+pub(super) const CONTRADICTION: f64 = 1e-8;
 /// Iterations without half the violation after which the program of a sequence next to a solution is given up.
 const NEAR_PATIENCE: usize = 10;
 /// Sequences that are tried again where nothing has a solution, and their iterations.
@@ -270,8 +275,11 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(F
             if stop::requested().is_none() && !(start.is_for_want() && s.is_solved()) {
                 s.explore(start, control)?;
             }
+            if start == Start::Shots && !s.is_solved() && s.is_contradicted() {
+                break;
+            }
         }
-        if !s.is_solved() && stop::requested().is_none() {
+        if !s.is_solved() && !s.is_contradicted() && stop::requested().is_none() {
             s.insist(control)?;
         }
         if options.method == Method::Auto && options.sequence.is_none() && stop::requested().is_none() {
@@ -293,7 +301,9 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(F
         stop::check()?;
     }
     let blame = match &s.best {
-        Some((best, _)) if !best.is_solved() && stop::requested().is_none() => blame(p, best, options.solver, control)?,
+        Some((best, _)) if !best.is_solved() && !s.is_contradicted() && stop::requested().is_none() => {
+            blame(p, best, options.solver, control)?
+        }
         _ => None,
     };
     let seen = s.seen;
@@ -449,6 +459,8 @@ struct Search<'a> {
     refines: bool,
     /// Are guesses next to solutions?
     close: bool,
+    /// Least cost of a sequence that has no solution only for constraints that contradict each other by next to nothing.
+    contradicted: f64,
     /// What is known of the simulation of the guess.
     seen: Seen,
     /// What stood for the contacts when time-freezing was asked last.
@@ -495,6 +507,7 @@ impl<'a> Search<'a> {
             most_effort: usize::MAX,
             refines: false,
             close: false,
+            contradicted: f64::INFINITY,
             seen: Seen::Nothing,
             freezing: None,
         }
@@ -507,7 +520,7 @@ impl<'a> Search<'a> {
 
     /// The best answer with what the search has spent; nothing without one.
     fn into_answer(self, clock: Instant) -> Option<Found> {
-        let settled = self.is_settled();
+        let (settled, contradicts) = (self.is_settled(), self.is_contradicted());
         let (mut best, solved) = self.best?;
         if !best.is_solved() {
             best.outcome = match (stop::requested(), best.outcome) {
@@ -518,6 +531,7 @@ impl<'a> Search<'a> {
                 (_, outcome) => outcome,
             };
         }
+        best.contradicts = contradicts;
         best.stats = self.spent;
         best.stats.time_total = clock.elapsed().as_secs_f64();
         best.dimensions = self.dimensions;
@@ -784,6 +798,9 @@ impl<'a> Search<'a> {
             self.tried[place].1 = Tried::Close { bests: self.bests };
         }
         self.failure = if answer.is_solved() { 0.0 } else { answer.violation };
+        if stuck && answer.violation <= CONTRADICTION {
+            self.contradicted = self.contradicted.min(answer.cost);
+        }
         if stuck && cheaper && answer.violation < NEARLY && !answer.vanishing.is_empty() {
             self.lead = Some((answer.sequence.clone(), answer.track.clone(), answer.vanishing.clone()));
         }
@@ -797,6 +814,12 @@ impl<'a> Search<'a> {
             self.keep(dearer);
         }
         Ok(better)
+    }
+
+    /// Would a sequence be better, by more than what contradictions of next to nothing may gain, if its constraints did not contradict each other?
+    fn is_contradicted(&self) -> bool {
+        let best = self.best.as_ref().filter(|b| b.0.is_solved());
+        best.map_or(self.contradicted.is_finite(), |b| self.contradicted + LOOKED_GAIN * b.0.cost.abs() < b.0.cost)
     }
 
     /// Where nothing has a solution: the sequences that came closest get the iterations of a problem of its own.

@@ -186,6 +186,13 @@ impl MpccSolver {
         self.exact_rows = true;
     }
 
+    /// Violation of the rows of a program without pairs that is aimed at.
+    pub fn row_tolerance(&self) -> f64 {
+        let s = &self.settings;
+        // rounding may keep the last digits from the barrier method; the square system has them
+        s.polish_tol.max(if s.polish && s.square_newton { 1e-10 } else { 1e-12 })
+    }
+
     /// Structure and work of the factorisations since the solver was made.
     pub fn linear_statistics(&self) -> LinearStats {
         self.ipm.linear_statistics()
@@ -242,9 +249,7 @@ impl MpccSolver {
         let s = self.settings;
         self.scale(p, bounds, x0);
         if self.st.bilinear.is_empty() {
-            // rounding may keep the last digits from the barrier method; the square system has them
-            let primal_tol = s.polish_tol.max(if s.polish && s.square_newton { 1e-10 } else { 1e-12 });
-            let mut rule = Monotone { mu_init: s.mu_init, tol: s.tol, primal_tol };
+            let mut rule = Monotone { mu_init: s.mu_init, tol: s.tol, primal_tol: self.row_tolerance() };
             p.set_polishing(true);
             self.st.bounds(bounds, 0.0, &mut self.bounds);
             let outcome = self.run_from(p, x0, &mut rule, control);

@@ -67,11 +67,25 @@ impl Ocp {
     fn run_scene(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<OcpResult> {
         let clock = std::time::Instant::now();
         let extended = self.extended()?;
-        let problem = self.scene_problem(&extended, request)?;
+        let mut problem = self.scene_problem(&extended, request)?;
         self.check_start(&problem)?;
         let options = self.scene_options(&problem, &extended, start, request);
         let time_build = clock.elapsed().as_secs_f64();
-        let (found, others) = jumps::solve(&problem, &options, control)?;
+        let (mut found, mut others) = jumps::solve(&problem, &options, control)?;
+        if found.0.contradicts && stop::requested().is_none() {
+            let with_room = problem.with_room();
+            let spent = (found.0.stats, found.0.tried);
+            let mut again = jumps::solve(&with_room, &options, control)?;
+            again.0 .0.stats.add(&spent.0);
+            again.0 .0.tried += spent.1;
+            let dearer = found.0.is_solved() && found.0.cost <= again.0 .0.cost;
+            if again.0 .0.is_solved() && !dearer {
+                problem = with_room;
+                (found, others) = again;
+            } else {
+                (found.0.stats, found.0.tried) = (again.0 .0.stats, again.0 .0.tried);
+            }
+        }
         let asked = |shoots| (&extended, &options, request, shoots);
         let (mut last, mut result, mut followed) = self.compared(problem.clone(), found, asked(true), control)?;
         if last.answer.is_solved() {
