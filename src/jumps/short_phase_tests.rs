@@ -38,6 +38,6 @@ fn orders_without_a_solution_are_tried_without_their_short_phases() {
     };
     let with = (&options, Reach::Wanted);
     let found = solve_again(&p, (&hops, &rests), with, usize::MAX, &mut Control::default()).unwrap();
-    let (answer, _) = found.expect("an answer without the hop");
+    let (answer, _) = found.found.expect("an answer without the hop");
     assert_eq!(answer.sequence.key(), [[(vec![ContactMode::Closed], None)]]);
 }
