@@ -52,7 +52,7 @@ pub use problem::{Problem, Statement};
 pub use refine::{refine, Aim, Refined};
 pub(crate) use result::trajectory;
 pub use result::Contacts;
-pub use search::{solve, Answer, Found, Method, Options, Paradox};
+pub use search::{solve, Answer, Findings, Found, Method, Options, Paradox};
 pub use sensitivity::Derivatives;
 pub use shots::{Missed, Of};
 pub use simulate::{met, replay, Met, Replay};

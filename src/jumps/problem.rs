@@ -3,7 +3,6 @@
 use super::functions::SceneFunctions;
 use super::reach;
 use super::scales;
-use super::search::{Answer, CONTRADICTION};
 use crate::error::{Error, Result};
 use crate::fesd::{Boundary, Durations, PathConstraint, Terminal};
 use crate::func::{Dims, Point};
@@ -91,6 +90,10 @@ impl Statement {
 const MOST_POINTS: usize = 5;
 const MORE_POINTS: usize = 2;
 
+/// Share of their sizes by which constraints contradict each other by next to nothing: a body that is to stop at a height of 0.3, and lies on a step that is so
+/// high but for the tail of a function that rounds its edge, is there.
+pub(super) const CONTRADICTION: f64 = 1e-8;
+
 /// A statement with the functions that programs are made of.
 #[derive(Clone)]
 pub struct Problem {
@@ -144,11 +147,10 @@ impl Problem {
         Ok(Problem { given, ..self.clone() })
     }
 
-    /// The same with the lengths and parameters of an answer as those to start from.
-    pub(super) fn restated_at(&self, answer: &Answer) -> Problem {
-        let mut given = self.given.clone();
-        given.durations = answer.durations(self.n_stages());
-        for &(j, value) in &answer.params {
+    /// The same with other lengths and values of parameters, by their number among all, to start from.
+    pub(super) fn restated_at(&self, durations: Vec<f64>, params: &[(usize, f64)]) -> Problem {
+        let mut given = Statement { durations, ..self.given.clone() };
+        for &(j, value) in params {
             given.params.iter_mut().skip(j).step_by(given.wide.p).for_each(|p| *p = value);
         }
         Problem { given, ..self.clone() }

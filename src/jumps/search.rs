@@ -10,7 +10,7 @@ use super::guards::{Condition, Touched};
 use super::modal::{self, Held};
 use super::modes::{ContactMode, Event, Key, Sequence, LEAST};
 use super::neighbours::{in_turn, neighbours, with_impact, Move, Neighbour};
-use super::problem::Problem;
+use super::problem::{Problem, CONTRADICTION};
 use super::shots::{beside, cheaper, missed, simulation, Missed};
 use super::simulate::met;
 use super::track::Track;
@@ -168,6 +168,14 @@ impl Answer {
 /// An answer with its program.
 pub type Found = (Answer, Solved);
 
+/// What a search has found.
+pub struct Findings {
+    /// The best answer.
+    pub best: Found,
+    /// Dearer ones that were found on the way, the cheapest first, for whom the best is none of the control problem.
+    pub others: Vec<Found>,
+}
+
 /// What became of a search on a finer grid.
 pub(super) struct Sought {
     /// The answer, if there is one.
@@ -189,9 +197,6 @@ const ITERATIONS: usize = 150;
 const NEAR_ITERATIONS: usize = 80;
 /// Iterations from where the program of a sequence got stuck where another one has a solution: those that go on from there do so in a few.
 const AGAIN_ITERATIONS: usize = 30;
-/// Share of their sizes by which constraints contradict each other by next to nothing: a body that is to stop at a height of 0.3, and lies on a step that is so
-/// high but for the tail of a function that rounds its edge, is there.
-pub(super) const CONTRADICTION: f64 = 1e-8;
 /// Iterations without half the violation after which the program of a sequence next to a solution is given up.
 const NEAR_PATIENCE: usize = 10;
 /// Sequences that are tried again where nothing has a solution, and their iterations.
@@ -256,12 +261,12 @@ const AGREES: f64 = 0.1;
 /// Share of the cost by which a sequence must be better to count.
 const GAIN: f64 = 1e-9;
 
-/// Solves: the best answer and its program, and dearer ones that were found on the way, the cheapest first, for whom the best is none of the control problem.
+/// Solves: the best answer and its program, and dearer ones.
 ///
 /// # Errors
 /// Those of simulations of the guess and of building programs. That there is no solution is no error: it is the outcome of the
 /// answer.
-pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(Found, Vec<Found>)> {
+pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<Findings> {
     let clock = Instant::now();
     let mut s = Search::new(p, options);
     if let Some(last) = &options.warm {
@@ -323,7 +328,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(F
         let of_closest = |(contact, t)| Paradox { contact, t, of_guess: false };
         best.paradox = guessed.or_else(|| closest.and_then(|s| s.paradox()).map(of_closest));
     }
-    Ok(((best, solved), others))
+    Ok(Findings { best: (best, solved), others })
 }
 
 /// Solves for an order of contacts on another grid of the same control stages, from a motion that has it, and for those next to it within
@@ -369,7 +374,7 @@ pub(super) fn solve_beside(
     control: &mut Control,
 ) -> Result<Sought> {
     let clock = Instant::now();
-    let p = &p.restated_at(answer);
+    let p = &p.restated_at(answer.durations(p.n_stages()), &answer.params);
     let given = (answer.controls().to_vec(), answer.x0.clone());
     let options =
         &Options { controls: given.0, x0: given.1, states: None, sequence: None, warm: None, ..options.clone() };

@@ -71,26 +71,25 @@ impl Ocp {
         self.check_start(&problem)?;
         let options = self.scene_options(&problem, &extended, start, request);
         let time_build = clock.elapsed().as_secs_f64();
-        let (mut found, mut others) = jumps::solve(&problem, &options, control)?;
-        if found.0.contradicts && stop::requested().is_none() {
-            let with_room = problem.with_room();
-            let spent = (found.0.stats, found.0.tried);
-            let mut again = jumps::solve(&with_room, &options, control)?;
-            again.0 .0.stats.add(&spent.0);
-            again.0 .0.tried += spent.1;
-            let dearer = found.0.is_solved() && found.0.cost <= again.0 .0.cost;
-            if again.0 .0.is_solved() && !dearer {
-                problem = with_room;
-                (found, others) = again;
-            } else {
-                (found.0.stats, found.0.tried) = (again.0 .0.stats, again.0 .0.tried);
+        let mut findings = jumps::solve(&problem, &options, control)?;
+        let with_room = problem.with_room();
+        let again = findings.best.0.contradicts && stop::requested().is_none();
+        // what ends this search leaves what the first one found
+        if let Some(Ok(again)) = again.then(|| jumps::solve(&with_room, &options, control)) {
+            let (strict, loose) = (&findings.best.0, &again.best.0);
+            let (mut stats, tried) = (strict.stats, strict.tried + loose.tried);
+            stats.add(&loose.stats);
+            if loose.is_solved() && !(strict.is_solved() && strict.cost <= loose.cost) {
+                (problem, findings) = (with_room, again);
             }
+            (findings.best.0.stats, findings.best.0.tried) = (stats, tried);
         }
         let asked = |shoots| (&extended, &options, request, shoots);
-        let (mut last, mut result, mut followed) = self.compared(problem.clone(), found, asked(true), control)?;
+        let (mut last, mut result, mut followed) =
+            self.compared(problem.clone(), findings.best, asked(true), control)?;
         if last.answer.is_solved() {
             // what is dearer may be a motion that there is
-            for mut other in others {
+            for mut other in findings.others {
                 if followed || stop::requested().is_some() {
                     break;
                 }
