@@ -5,12 +5,12 @@
 //! the control problem. Either the simulations meet contacts that the order of the answer does not have, between two points of its grid: then the
 //! order they have is solved for, from their motion. Or the grid is too coarse: on a finer one, in the stages that are off, the order of the answer
 //! is solved for from its motion. Those next to it are compared on the first finer grid: what they cost changes there, and next to nothing on the
-//! grids behind. Where no order has a solution on the finer grid the coarse one has made a motion that there is not: then a motion that there is is looked
-//! for beside it ([`solve_beside`]). All grids together take no more than [`SHARE`] of the effort of the search, and never less than one program each. What is found
-//! replaces the answer where simulations of its stages are closer to it; of two that they are as far from the cheaper one is kept.
+//! grids behind. Where no order has a solution on the finer grid the coarse one has made a motion that there is not: then a motion that there is is
+//! looked for beside it ([`solve_beside`]). All grids together take no more than [`SHARE`] of the effort of the search, and never less than one program
+//! each. What is found replaces the answer where simulations of its stages are closer to it; of two that they are as far from the cheaper one is kept.
 
 use super::exact::Solved;
-use super::modes::{ContactMode, Key, Sequence};
+use super::modes::{ContactMode, Key};
 use super::problem::Problem;
 use super::search::{solve_again, solve_beside, Answer, Found, Options, Reach, Sought};
 use super::simulate::replay_stages;
@@ -99,11 +99,11 @@ impl Spent {
     }
 
     /// What was found on a grid, with what it has taken counted.
-    fn refined(&mut self, grid: Problem, sought: Sought, tol: f64) -> Option<Refined> {
+    fn refined(&mut self, grid: &Problem, sought: Sought, tol: f64) -> Option<Refined> {
         self.effort += sought.effort;
         self.stats.add(&sought.stats);
         self.tried += sought.tried;
-        sought.found.map(|found| Refined::new(grid, found, tol))
+        sought.found.map(|found| Refined::new(grid.clone(), found, tol))
     }
 }
 
@@ -148,8 +148,8 @@ pub fn refine(
         if is_close && !asked.contains(&simulated.key()) {
             asked.push(simulated.key());
             let from = (&simulated, &best.motion);
-            next = again(best.problem.clone(), from, (options, Reach::Wanted), tol, &mut spent, control)?;
-            next = next.filter(|n| n.replaces(&best, within));
+            let sought = solve_again(&best.problem, from, (options, Reach::Wanted), spent.left(), control)?;
+            next = spent.refined(&best.problem, sought, tol).filter(|n| n.replaces(&best, within));
         }
         if next.is_none() {
             let more = |off: f64| if off > FAR_OFF * within { 4 } else { 2 };
@@ -157,11 +157,11 @@ pub fn refine(
             let motion = best.nearest_motion();
             let from = (&best.answer.sequence, &motion);
             let reach = if std::mem::replace(&mut compared, true) { Reach::Wanted } else { Reach::Local };
-            next = again(finer.clone(), from, (options, reach), tol, &mut spent, control)?;
-            next = next.filter(|n| n.replaces(&best, within));
+            let sought = solve_again(&finer, from, (options, reach), spent.left(), control)?;
+            next = spent.refined(&finer, sought, tol).filter(|n| n.replaces(&best, within));
             if next.is_none() && best.off > far {
                 let sought = solve_beside(&finer, (&best.answer, options), (shoots, spent.left()), control)?;
-                next = spent.refined(finer, sought, tol).filter(|n| n.replaces(&best, within));
+                next = spent.refined(&finer, sought, tol).filter(|n| n.replaces(&best, within));
             }
         }
         let Some(next) = next else { break };
@@ -170,17 +170,4 @@ pub fn refine(
     }
     (best.answer.stats, best.answer.tried, best.answer.freezing) = (spent.stats, spent.tried, freezing);
     Ok(best)
-}
-
-/// Solves for an order on a grid.
-fn again(
-    grid: Problem,
-    from: (&Sequence, &Track),
-    (options, reach): (&Options, Reach),
-    tol: f64,
-    spent: &mut Spent,
-    control: &mut Control,
-) -> Result<Option<Refined>> {
-    let sought = solve_again(&grid, from, (options, reach), spent.left(), control)?;
-    Ok(spent.refined(grid, sought, tol))
 }

@@ -10,15 +10,15 @@ use crate::system::SharedFunction;
 /// Bounds count up to this multiple of what states have as their size without them.
 const BOUNDED: f64 = 10.0;
 
-/// Share of what forces move a state by in the horizon, and share of the largest state of its kind, below which a value says nothing of its size: who
-/// starts that near to zero starts at it, and a program in units of such a value would hold nothing but rounding. What forces do to a state has its unit, so
-/// that this is the same in all units; the other share is next to rounding.
+/// Share of what forces move a state by in the horizon below which a value says nothing of its size: who starts that near to zero starts at it, and a
+/// program in units of such a value would hold nothing but rounding. What forces do to a state has its unit, so that this is the same in all units.
 const NEXT_TO_ZERO: f64 = 1e-6;
-const ROUNDED: f64 = 1e-12;
+/// Share of the largest state of its kind, or of the size that is known of a state, below which it is zero but for rounding.
+const ROUNDING: f64 = 1e-12;
 
 /// Sizes of the states: the largest of their values at the start, at the target and at their finite bounds, where these are more than next to zero. A
-/// state of which these say nothing has the size of the largest of its kind; coordinates of which nothing is known have that of the largest gap at the start, velocities cross the
-/// largest coordinate in the horizon. Bounds say how large a state may be, not how large it is, and are often generous: they count up to ten times
+/// state of which these say nothing has the size of the largest of its kind; coordinates of which nothing is known have that of the largest gap at the
+/// start, velocities cross the largest coordinate in the horizon. Bounds say how large a state may be, not how large it is, and are often generous: they count up to ten times
 /// what its kind has without them. Where nothing at all has a size, there is no unit to be independent of, and they are 1.
 pub(super) fn of_states(p: &Problem, x0: &[f64], target: Option<&[f64]>) -> Vec<f64> {
     let g = &p.given;
@@ -29,7 +29,7 @@ pub(super) fn of_states(p: &Problem, x0: &[f64], target: Option<&[f64]>) -> Vec<
     let mut known: Vec<f64> = (0..g.dims.x).map(|i| beyond(value(i), NEXT_TO_ZERO * p.reach[i])).collect();
     let (coordinates, velocities) = known.split_at_mut(n_q);
     for kind in [coordinates, velocities] {
-        let least = ROUNDED * largest(kind);
+        let least = ROUNDING * largest(kind);
         kind.iter_mut().for_each(|v| *v = beyond(*v, least));
     }
     let sides = [&g.x_bounds[0], &g.x_bounds[1], &g.x0_bounds[0], &g.x0_bounds[1]];
@@ -75,9 +75,6 @@ pub(super) fn of_values(f: &SharedFunction, at: &Point, sizes: &[f64]) -> Vec<f6
     }
     out
 }
-
-/// Share of the size that is known of a state below which it is zero but for the rounding of a program.
-const ROUNDING: f64 = 1e-12;
 
 /// Sizes of the states of a motion: their largest moduli, and of those that are next to zero all the time the sizes that are known without it.
 pub(super) fn of_motion(p: &Problem, x0: &[f64], pieces: &[Piece]) -> Vec<f64> {

@@ -72,17 +72,18 @@ impl Ocp {
         let options = self.scene_options(&problem, &extended, start, request);
         let time_build = clock.elapsed().as_secs_f64();
         let mut findings = jumps::solve(&problem, &options, control)?;
-        let with_room = problem.with_room();
-        let again = findings.best.0.contradicts && stop::requested().is_none();
-        // what ends this search leaves what the first one found
-        if let Some(Ok(again)) = again.then(|| jumps::solve(&with_room, &options, control)) {
-            let (strict, loose) = (&findings.best.0, &again.best.0);
-            let (mut stats, tried) = (strict.stats, strict.tried + loose.tried);
-            stats.add(&loose.stats);
-            if loose.is_solved() && !(strict.is_solved() && strict.cost <= loose.cost) {
-                (problem, findings) = (with_room, again);
+        if findings.best.0.contradicts && stop::requested().is_none() {
+            let with_room = problem.with_room();
+            // what ends this search leaves what the first one found
+            if let Ok(again) = jumps::solve(&with_room, &options, control) {
+                let (strict, loose) = (&findings.best.0, &again.best.0);
+                let (mut stats, tried) = (strict.stats, strict.tried + loose.tried);
+                stats.add(&loose.stats);
+                if loose.is_solved() && !(strict.is_solved() && strict.cost <= loose.cost) {
+                    (problem, findings) = (with_room, again);
+                }
+                (findings.best.0.stats, findings.best.0.tried) = (stats, tried);
             }
-            (findings.best.0.stats, findings.best.0.tried) = (stats, tried);
         }
         let asked = |shoots| (&extended, &options, request, shoots);
         let (mut last, mut result, mut followed) =
