@@ -1,10 +1,10 @@
 //! Which contact keeps a problem from having a motion: the one without which there would be one.
 
+use super::answer::Answer;
 use super::exact::{solve_sequence, Limits};
 use super::modal::Held;
 use super::modes::{ContactMode, Sequence};
 use super::problem::Problem;
-use super::search::Answer;
 use crate::error::Result;
 use crate::mpcc::MpccSettings;
 use crate::nlp::Control;

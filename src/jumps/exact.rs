@@ -1,11 +1,11 @@
 //! The answer of one mode sequence: its contact mode program is solved, or given up early.
 
+use super::answer::Answer;
 use super::guards::{self, Touched};
 use super::modal::{self, Held};
 use super::modes::Sequence;
 use super::overlap::overlaps;
 use super::problem::Problem;
-use super::search::Answer;
 use super::track::Track;
 use super::transcribe::Transcription;
 use crate::error::Result;
@@ -134,7 +134,6 @@ pub(super) fn solve_sequence(
         vanishing,
         touched,
         settled: false,
-        contradicts: false,
         overlap,
         kinks,
         gradient,

@@ -10,6 +10,7 @@
 //! are the same for all of them.
 
 mod align;
+mod answer;
 #[cfg(test)]
 mod arrival_tests;
 mod assembly;
@@ -26,6 +27,7 @@ mod guards;
 mod modal;
 mod modes;
 mod neighbours;
+mod options;
 mod overlap;
 mod problem;
 mod reach;
@@ -45,14 +47,16 @@ mod stepping;
 mod track;
 mod transcribe;
 
+pub use answer::{Answer, Findings, Found, Paradox};
 pub use blame::Blame;
 pub use exact::Solved;
 pub use modes::{ContactMode, Key, Phase, Sequence};
+pub use options::{Method, Options};
 pub use problem::{Problem, Statement};
 pub use refine::{refine, Aim, Refined};
 pub(crate) use result::trajectory;
 pub use result::Contacts;
-pub use search::{solve, Answer, Findings, Found, Method, Options, Paradox};
+pub use search::solve;
 pub use sensitivity::Derivatives;
 pub use shots::{Missed, Of};
 pub use simulate::{met, replay, Met, Replay};

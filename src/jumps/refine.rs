@@ -9,10 +9,12 @@
 //! looked for beside it ([`solve_beside`]). All grids together take no more than [`SHARE`] of the effort of the search, and never less than one program
 //! each. What is found replaces the answer where simulations of its stages are closer to it; of two that they are as far from the cheaper one is kept.
 
+use super::answer::{Answer, Found};
 use super::exact::Solved;
 use super::modes::{ContactMode, Key};
+use super::options::Options;
 use super::problem::Problem;
-use super::search::{solve_again, solve_beside, Answer, Found, Options, Reach, Sought};
+use super::search::{solve_again, solve_beside, Reach, Sought};
 use super::simulate::replay_stages;
 use super::track::{Piece, Track};
 use crate::error::Result;

@@ -1,8 +1,8 @@
 //! Answers in the terms of the scene: motion with both limits at jumps, impacts, forces, contact modes.
 
+use super::answer::Answer;
 use super::modes::{ContactMode, Sequence};
 use super::problem::Problem;
-use super::search::Answer;
 use super::track::{Piece, Track};
 use crate::error::{Error, Result};
 use crate::event::{Impact, ImpactKind};

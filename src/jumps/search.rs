@@ -1,192 +1,32 @@
 //! From guesses to modes, from modes to exact answers, from these to better ones.
 
+mod again;
+mod looks;
 mod starts;
 
 use std::time::Instant;
 
-use super::blame::{blame, Blame};
-use super::exact::{solve_sequence, without_overlap, Limits, Solved};
-use super::guards::{Condition, Touched};
+use super::answer::{is_better, Answer, Findings, Found, Paradox, GAIN, NEARLY};
+use super::blame::blame;
+use super::exact::{solve_sequence, without_overlap, Limits};
+use super::guards::Condition;
 use super::modal::{self, Held};
 use super::modes::{ContactMode, Event, Key, Sequence, LEAST};
 use super::neighbours::{in_turn, neighbours, with_impact, Move, Neighbour};
+use super::options::{Method, Options};
 use super::problem::{Problem, CONTRADICTION};
-use super::shots::{beside, cheaper, missed, simulation, Missed};
+use super::shots::{missed, simulation};
 use super::simulate::met;
 use super::track::Track;
-use super::transcribe::Broken;
 use crate::error::{Error, Result};
 use crate::freezing::Report;
 use crate::func::Point;
-use crate::mpcc::{Certificate, MpccSettings};
-use crate::nlp::{Control, Outcome, Residuals, Statistics};
+use crate::mpcc::MpccSettings;
+use crate::nlp::{Control, Outcome, Statistics};
 use crate::stop::{self, Why};
+pub(super) use again::{solve_again, solve_beside, Sought};
+use looks::LOOKED_GAIN;
 use starts::{starts, Start};
-
-/// How contact modes are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(i32)]
-pub enum Method {
-    /// From the simulated guess and the sequences next to it, and from time stepping; where none of them has a solution, from simulated
-    /// shots, and then from FESD with jumps.
-    #[default]
-    Auto = 0,
-    /// From the simulated guess and the sequences next to it.
-    Modes = 1,
-    /// From FESD with jumps.
-    FesdJ = 2,
-    /// From time stepping.
-    Steps = 3,
-    /// From simulations of controls drawn at random and aimed at the constraints.
-    Shots = 4,
-    /// From time-freezing: finite elements in a numerical time in which nothing jumps.
-    Freezing = 5,
-}
-
-/// What a search is given besides the problem.
-#[derive(Debug, Clone)]
-pub struct Options {
-    /// How modes are found.
-    pub method: Method,
-    /// Parameters of the solver.
-    pub solver: MpccSettings,
-    /// Elements of a control stage in FESD with jumps.
-    pub n_fe: usize,
-    /// Weight of the soft step equilibration.
-    pub rho_h: f64,
-    /// Sequences next to an answer that may be tried.
-    pub search: usize,
-    /// Controls to start from `[n_stages · wide.u]`.
-    pub controls: Vec<f64>,
-    /// Initial state to start from.
-    pub x0: Vec<f64>,
-    /// Times and states to start from, where they are given.
-    pub states: Option<(Vec<f64>, Vec<f64>)>,
-    /// A state at which the conditions at the end hold, where there is one.
-    pub target: Option<Vec<f64>>,
-    /// A mode sequence to start from.
-    pub sequence: Option<Sequence>,
-    /// An answer to a problem nearby, whose modes are tried first.
-    pub warm: Option<Answer>,
-}
-
-/// A contact whose friction and normal force contradict each other in a simulation (Painlevé).
-#[derive(Debug, Clone, Copy)]
-pub struct Paradox {
-    /// The contact.
-    pub contact: usize,
-    /// The time.
-    pub t: f64,
-    /// Is it met under the guessed controls, or under those of the closest try?
-    pub of_guess: bool,
-}
-
-/// What a search found.
-#[derive(Debug, Clone)]
-pub struct Answer {
-    /// How it ended.
-    pub outcome: Outcome,
-    /// Initial state.
-    pub x0: Vec<f64>,
-    /// Modes and jumps.
-    pub sequence: Sequence,
-    pub(super) track: Track,
-    /// The cost, whether the point is a solution or not.
-    pub cost: f64,
-    /// Largest modulus of the cost on the way to it.
-    pub(super) largest: f64,
-    /// Phases that are as short as they may be: another sequence would be better.
-    pub vanishing: Vec<(usize, usize)>,
-    /// Conditions of the modes that are reached: other sequences have the same motion.
-    pub touched: Vec<Touched>,
-    /// Were all sequences next to it tried, and is none better?
-    pub settled: bool,
-    /// Has a sequence that costs less no solution only for constraints that contradict each other by next to nothing?
-    pub contradicts: bool,
-    /// Do bodies overlap between the points at which their gaps are held?
-    pub overlap: bool,
-    /// Events between control stages, and conditions of modes that are reached: the control stage, the time, and whether it is the latter.
-    pub kinks: Vec<(usize, f64, bool)>,
-    /// Derivatives of the cost by the controls of the scene `[n_stages · nu]`, with the multipliers of the constraints.
-    pub gradient: Vec<f64>,
-    /// What is left of every residual.
-    pub residuals: Residuals,
-    /// Type of the solution.
-    pub certificate: Certificate,
-    /// What all solves took.
-    pub stats: Statistics,
-    /// Variables, rows and pairs of the program with the most.
-    pub dimensions: (usize, usize, usize),
-    /// Sequences that were solved for.
-    pub tried: usize,
-    /// Variables and multipliers, for warm starts, and the sequence of the program they belong to.
-    pub(super) point: [Vec<f64>; 3],
-    pub(super) planned: Sequence,
-    /// Parameters that are variables, by their number among all.
-    pub params: Vec<(usize, f64)>,
-    /// A function without a value, if that is what kept it from a solution.
-    pub trouble: Option<String>,
-    /// Largest violation of a row or a bound.
-    pub violation: f64,
-    /// The row with it, of a point that is no solution.
-    pub broken: Option<Broken>,
-    /// What its controls miss in a simulation, of a point that is no solution.
-    pub missed: Option<Missed>,
-    /// What of a contact keeps it from a solution, where that is known.
-    pub blame: Option<Blame>,
-    /// Where no forces continue a simulation; looked for where there is no solution.
-    pub paradox: Option<Paradox>,
-    /// Impacts and changes of modes that a simulation of its controls has in every control stage, of a point that is no solution.
-    pub changes: Vec<usize>,
-    /// Of a point that is no solution: starts of the search that came nearly as close to one, and starts that came to any point.
-    pub agreeing: [usize; 2],
-    /// Iterations times variables of all programs.
-    pub(super) effort: usize,
-    /// What stood for the contacts in numerical time, if time-freezing was asked.
-    pub freezing: Option<Report>,
-}
-
-impl Answer {
-    /// Is it a solution?
-    pub fn is_solved(&self) -> bool {
-        self.outcome == Outcome::Solved
-    }
-
-    /// Controls of all stages, those behind the scene's included.
-    pub fn controls(&self) -> &[f64] {
-        &self.track.controls
-    }
-
-    /// Lengths of the control stages.
-    pub fn durations(&self, n_stages: usize) -> Vec<f64> {
-        let mut lengths = vec![0.0; n_stages];
-        self.track.pieces.iter().for_each(|p| lengths[p.stage] += p.h);
-        lengths
-    }
-}
-
-/// An answer with its program.
-pub type Found = (Answer, Solved);
-
-/// What a search has found.
-pub struct Findings {
-    /// The best answer.
-    pub best: Found,
-    /// Dearer ones that were found on the way, the cheapest first, for whom the best is none of the control problem.
-    pub others: Vec<Found>,
-}
-
-/// What became of a search on a finer grid.
-pub(super) struct Sought {
-    /// The answer, if there is one.
-    pub(super) found: Option<Found>,
-    /// Iterations times variables of all programs.
-    pub(super) effort: usize,
-    /// What all solves took.
-    pub(super) stats: Statistics,
-    /// Sequences that were solved for.
-    pub(super) tried: usize,
-}
 
 /// Solutions that are kept beside the best, and share of their costs by which these differ at least.
 const OTHERS: usize = 3;
@@ -207,8 +47,6 @@ const NEAR_BARRIER: f64 = 1e-2;
 /// Violation up to which a sequence gets the iterations of one that is right, where it costs less than the best so far or more by no
 /// more than this share; next to the next best answer it is tried again.
 const PROMISING: f64 = 1e-2;
-/// Violation below which two answers that are no solutions are compared by their costs.
-const NEARLY: f64 = 1e-4;
 /// Places in which an impact of a contact is put in.
 const PUT_IN: usize = 3;
 
@@ -228,71 +66,38 @@ const WAYS: usize = 3;
 const FEW: usize = 8;
 const FEW_AGREED: usize = 4;
 
-/// What a search spends to find an answer that has nothing to do with the one it has: on simulations, whose steps times states count like
-/// iterations times variables, and on programs.
-struct Second {
-    simulations: Share,
-    programs: Share,
-}
-
-/// A share of the effort so far, and what so many programs of the search have taken on average, whichever is more: a search that was over soon has
-/// seen little of what else there is, and shares of it would be a handful of simulations.
-#[derive(Clone, Copy)]
-struct Share {
-    of_effort: f64,
-    programs: f64,
-}
-
-const SECOND: Second = Second {
-    simulations: Share { of_effort: 0.36, programs: 44.0 },
-    programs: Share { of_effort: 0.5, programs: 30.0 },
-};
-
-/// How often it looks: again where the last look has bettered the answer by more than this share, each time for this part of the first and from so
-/// many shots. A better answer has other controls, from which others are drawn: a valve costs 192 before, and 38.5 and 33.9 after two looks.
-const LOOKS: usize = 4;
-const LOOKED_GAIN: f64 = 0.01;
-const LATER_LOOK: f64 = 0.25;
-const LATER_SHOTS: usize = 2;
-
 /// Share by which the least violations of two starts may differ that agree: neither is a stationary point but for that.
 const AGREES: f64 = 0.1;
 
-/// Share of the cost by which a sequence must be better to count.
-const GAIN: f64 = 1e-9;
-
 /// Solves: the best answer and its program, and dearer ones.
+///
+/// Where the constraints of an order of contacts contradict each other by next to nothing, and that order would be better than the answer or nothing
+/// else has a solution, the search is made again with conditions that leave room for that ([`Problem::with_room`]).
 ///
 /// # Errors
 /// Those of simulations of the guess and of building programs. That there is no solution is no error: it is the outcome of the
 /// answer.
 pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<Findings> {
     let clock = Instant::now();
+    let wider;
     let mut s = Search::new(p, options);
-    if let Some(last) = &options.warm {
-        s.start_at_answer(last, control)?;
+    s.explore_starts(control)?;
+    let waits = !s.is_solved() && s.is_contradicted();
+    if !waits {
+        s.finish(control)?;
     }
-    if s.is_solved() {
-        // a warm start goes where phases that vanish lead, and no further
-        s.improve(Reach::Wanted, options.search, control)?;
-    } else {
-        for start in starts(options) {
-            if stop::requested().is_none() && !(start.is_for_want() && s.is_solved()) {
-                s.explore(start, control)?;
-            }
-            if start == Start::Shots && !s.is_solved() && s.is_contradicted() {
-                break;
-            }
+    if s.is_contradicted() && stop::requested().is_none() {
+        wider = p.with_room();
+        let mut loose = Search::new(&wider, options);
+        // what ends this search leaves what the first one found
+        let ended = loose.explore_starts(control).and_then(|()| loose.finish(control)).is_err();
+        let cost = |s: &Search| s.best.as_ref().filter(|b| b.0.is_solved()).map_or(f64::INFINITY, |b| b.0.cost);
+        if !ended && loose.is_solved() && cost(&loose) < cost(&s) {
+            std::mem::swap(&mut s, &mut loose);
         }
-        if !s.is_solved() && !s.is_contradicted() && stop::requested().is_none() {
-            s.insist(control)?;
-        }
-        if options.method == Method::Auto && options.sequence.is_none() && stop::requested().is_none() {
-            s.look_elsewhere(control)?;
-        }
-        if stop::requested().is_none() {
-            s.again = s.is_solved();
-            s.improve(Reach::All, options.search, control)?;
+        s.count(&loose);
+        if waits && !s.is_solved() {
+            s.finish(control)?;
         }
     }
     if s.best.is_none() {
@@ -305,98 +110,32 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<Fi
     if s.best.is_none() {
         stop::check()?;
     }
-    let blame = match &s.best {
-        Some((best, _)) if !best.is_solved() && !s.is_contradicted() && stop::requested().is_none() => {
-            blame(p, best, options.solver, control)?
-        }
-        _ => None,
-    };
-    let seen = s.seen;
-    let others = s.other_answers();
+    let (problem, seen, others) = (s.p, s.seen, s.other_answers());
     let (mut best, solved) =
         s.into_answer(clock).ok_or_else(|| Error::Internal("a search without an answer".into()))?;
-    best.blame = blame;
     if !best.is_solved() {
-        let closest = if stop::requested().is_none() { simulation(p, options, &best) } else { None };
-        best.missed = closest.as_ref().and_then(|s| missed(p, options, &best, s));
-        best.changes = closest.as_ref().map_or_else(Vec::new, |s| s.met().changes);
-        let guess = match seen {
-            Seen::Simulated(paradox) => paradox,
-            Seen::Nothing => met(p, &options.x0, &options.controls, &p.given.durations).ok().and_then(|m| m.paradox),
-        };
-        let guessed = guess.map(|(contact, t)| Paradox { contact, t, of_guess: true });
-        let of_closest = |(contact, t)| Paradox { contact, t, of_guess: false };
-        best.paradox = guessed.or_else(|| closest.and_then(|s| s.paradox()).map(of_closest));
+        explain(p, options, &mut best, seen, control)?;
     }
-    Ok(Findings { best: (best, solved), others })
+    Ok(Findings { problem: problem.clone(), best: (best, solved), others })
 }
 
-/// Solves for an order of contacts on another grid of the same control stages, from a motion that has it, and for those next to it within
-/// reach as long as the effort (iterations times variables) is less than `most`; no answer where the order has no solution there.
-///
-/// # Errors
-/// Those of building programs.
-pub(super) fn solve_again(
-    p: &Problem,
-    (sequence, motion): (&Sequence, &Track),
-    (options, reach): (&Options, Reach),
-    most: usize,
-    control: &mut Control,
-) -> Result<Sought> {
-    let clock = Instant::now();
-    let mut s = Search { most_effort: most, refines: true, close: true, ..Search::new(p, options) };
-    let sequence = &sequence.without_idle_impacts();
-    s.attempt(sequence, motion, NEAR_ITERATIONS, control)?;
-    s.close = false;
-    if !s.is_solved() {
-        s.attempt_without_short_phases(control)?;
+/// Says of the point that is closest to a solution what keeps it from one, and what a simulation of its controls has.
+fn explain(p: &Problem, options: &Options, best: &mut Answer, seen: Seen, control: &mut Control) -> Result<()> {
+    let mut closest = None;
+    if stop::requested().is_none() {
+        best.blame = blame(p, best, options.solver, control)?;
+        closest = simulation(p, options, best);
     }
-    if !s.is_solved() {
-        s.round += 1;
-        s.attempt(sequence, motion, NEAR_ITERATIONS, control)?;
-    }
-    if s.is_solved() {
-        s.improve(reach, options.search, control)?;
-    }
-    Ok(s.into_sought(clock))
-}
-
-/// Searches on a finer grid of the same control stages for an answer beside one that its simulation leaves, whose order of contacts has no solution there: from
-/// the simulation of its controls, aimed at the constraints and as it is, and, if asked, from shots; as long as the effort is less than `most`. No answer where
-/// nothing of that leads to a solution.
-///
-/// # Errors
-/// Those of simulations and of building programs.
-pub(super) fn solve_beside(
-    p: &Problem,
-    (answer, options): (&Answer, &Options),
-    (shoots, most): (bool, usize),
-    control: &mut Control,
-) -> Result<Sought> {
-    let clock = Instant::now();
-    let p = &p.restated_at(answer.durations(p.n_stages()), &answer.params);
-    let given = (answer.controls().to_vec(), answer.x0.clone());
-    let options =
-        &Options { controls: given.0, x0: given.1, states: None, sequence: None, warm: None, ..options.clone() };
-    let mut s = Search { most_effort: most, refines: true, ..Search::new(p, options) };
-    if let Some(shot) = beside(p, options, answer)? {
-        s.compete(control, |s, control| {
-            s.attempt(&shot.track.sequence(p.n_stages()), &shot.track, ITERATIONS, control)?;
-            Ok(true)
-        })?;
-    }
-    for start in [Start::Guess, Start::Shots] {
-        if !s.is_solved() && !s.is_over() && (shoots || start != Start::Shots) {
-            s.explore(start, control)?;
-        }
-    }
-    if !s.is_solved() && !s.is_over() {
-        s.insist(control)?;
-    }
-    if s.is_solved() {
-        s.improve(Reach::Local, options.search, control)?;
-    }
-    Ok(s.into_sought(clock))
+    best.missed = closest.as_ref().and_then(|s| missed(p, options, best, s));
+    best.changes = closest.as_ref().map_or_else(Vec::new, |s| s.met().changes);
+    let guess = match seen {
+        Seen::Simulated(paradox) => paradox,
+        Seen::Nothing => met(p, &options.x0, &options.controls, &p.given.durations).ok().and_then(|m| m.paradox),
+    };
+    let guessed = guess.map(|(contact, t)| Paradox { contact, t, of_guess: true });
+    let of_closest = |(contact, t)| Paradox { contact, t, of_guess: false };
+    best.paradox = guessed.or_else(|| closest.and_then(|s| s.paradox()).map(of_closest));
+    Ok(())
 }
 
 /// Which sequences next to the best are tried.
@@ -464,6 +203,8 @@ struct Search<'a> {
     refines: bool,
     /// Are guesses next to solutions?
     close: bool,
+    /// Has it begun at the solution for the modes of an answer nearby?
+    is_near: bool,
     /// Least cost of a sequence that has no solution only for constraints that contradict each other by next to nothing.
     contradicted: f64,
     /// What is known of the simulation of the guess.
@@ -512,10 +253,50 @@ impl<'a> Search<'a> {
             most_effort: usize::MAX,
             refines: false,
             close: false,
+            is_near: false,
             contradicted: f64::INFINITY,
             seen: Seen::Nothing,
             freezing: None,
         }
+    }
+
+    /// From an answer nearby, or else from every start until one leads to a solution; what is contradicted is not searched for as a last resort.
+    fn explore_starts(&mut self, control: &mut Control) -> Result<()> {
+        if let Some(last) = &self.options.warm {
+            self.start_at_answer(last, control)?;
+            self.is_near = self.is_solved();
+        }
+        if self.is_near {
+            return Ok(());
+        }
+        for start in starts(self.options) {
+            if stop::requested().is_none() && !(start.is_for_want() && self.is_solved()) {
+                self.explore(start, control)?;
+            }
+            if start == Start::Shots && !self.is_solved() && self.is_contradicted() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// From what the starts have led to: to what comes closest where none has a solution, to other motions, and to the sequences next to the best.
+    fn finish(&mut self, control: &mut Control) -> Result<()> {
+        if self.is_near {
+            // a warm start goes where phases that vanish lead, and no further
+            return self.improve(Reach::Wanted, self.options.search, control);
+        }
+        if !self.is_solved() && stop::requested().is_none() {
+            self.insist(control)?;
+        }
+        if self.options.method == Method::Auto && self.options.sequence.is_none() && stop::requested().is_none() {
+            self.look_elsewhere(control)?;
+        }
+        if stop::requested().is_none() {
+            self.again = self.is_solved();
+            self.improve(Reach::All, self.options.search, control)?;
+        }
+        Ok(())
     }
 
     /// Is no more to be spent?
@@ -525,7 +306,7 @@ impl<'a> Search<'a> {
 
     /// The best answer with what the search has spent; nothing without one.
     fn into_answer(self, clock: Instant) -> Option<Found> {
-        let (settled, contradicts) = (self.is_settled(), self.is_contradicted());
+        let settled = self.is_settled();
         let (mut best, solved) = self.best?;
         if !best.is_solved() {
             best.outcome = match (stop::requested(), best.outcome) {
@@ -536,7 +317,6 @@ impl<'a> Search<'a> {
                 (_, outcome) => outcome,
             };
         }
-        best.contradicts = contradicts;
         best.stats = self.spent;
         best.stats.time_total = clock.elapsed().as_secs_f64();
         best.dimensions = self.dimensions;
@@ -559,54 +339,6 @@ impl<'a> Search<'a> {
 
     fn is_solved(&self) -> bool {
         self.best.as_ref().is_some_and(|b| b.0.is_solved())
-    }
-
-    /// Asks whether another start would have bettered the best answer, and again from what is better as long as that pays.
-    fn look_elsewhere(&mut self, control: &mut Control) -> Result<()> {
-        for look in 0..LOOKS {
-            let Some(before) = self.best.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost) else { break };
-            self.look_once(look > 0, control)?;
-            let after = self.best.as_ref().map_or(before, |b| b.0.cost);
-            if stop::requested().is_some() || !is_cheaper(after + LOOKED_GAIN * before.abs(), before, self.largest) {
-                break;
-            }
-        }
-        Ok(())
-    }
-
-    /// Shots that may cost less, each a start of its own, for what [`SECOND`] says, or, `again`, for a part of it. Nothing else notices that an
-    /// answer is dear: all sequences next to it may cost more where the motion that costs a tenth of it has its impacts elsewhere, all of them.
-    fn look_once(&mut self, again: bool, control: &mut Control) -> Result<()> {
-        let Some((best, _)) = self.best.as_ref().filter(|b| b.0.is_solved()) else { return Ok(()) };
-        if !self.has_costs() {
-            return Ok(());
-        }
-        let known = best.cost;
-        let program = self.effort as f64 / self.attempts.max(1) as f64;
-        let part = if again { LATER_LOOK } else { 1.0 };
-        let share = |s: Share| part * (s.of_effort * self.effort as f64).max(s.programs * program);
-        let steps = share(SECOND.simulations) / self.p.given.dims.x as f64;
-        let shots = cheaper(self.p, self.options, best, steps as usize)?;
-        self.most_effort = self.effort + share(SECOND.programs) as usize;
-        let mut asked: Vec<Key> = Vec::new();
-        for shot in shots.into_iter().take(if again { LATER_SHOTS } else { usize::MAX }) {
-            let sequence = shot.track.sequence(self.p.n_stages());
-            let key = sequence.key();
-            if self.is_over() {
-                break;
-            }
-            if asked.contains(&key) || !self.is_new(&sequence) {
-                continue;
-            }
-            asked.push(key);
-            self.compete(control, |s, control| {
-                s.attempt(&sequence, &shot.track, NEAR_ITERATIONS, control)?;
-                let promises = |a: &Answer| a.is_solved() || a.violation < NEARLY && a.cost < known;
-                Ok(s.best.as_ref().is_some_and(|b| promises(&b.0)))
-            })?;
-        }
-        self.most_effort = usize::MAX;
-        Ok(())
     }
 
     fn has_costs(&self) -> bool {
@@ -677,6 +409,12 @@ impl<'a> Search<'a> {
             Some(Tried::Failed { round }) => round != self.round,
             Some(Tried::Close { bests }) => bests != self.bests,
         }
+    }
+
+    /// Counts what another search has taken.
+    fn count(&mut self, other: &Search) {
+        self.spent.add(&other.spent);
+        self.attempts += other.attempts;
     }
 
     /// What a solve took, and how large its program was.
@@ -965,43 +703,5 @@ impl<'a> Search<'a> {
             }
         }
         Ok(())
-    }
-}
-
-/// Solutions before others; of two the cheaper, where costs as large as `largest` have the rounding of that, and at the same cost the one without
-/// phases that want to vanish; of others the one with the smaller violation, or
-/// the cheaper where neither has one that is worth mentioning.
-fn is_better(a: &Answer, b: &Answer, largest: f64) -> bool {
-    match (a.is_solved(), b.is_solved()) {
-        (true, true) => {
-            let simpler = a.vanishing.is_empty() && !b.vanishing.is_empty();
-            is_cheaper(a.cost, b.cost, largest) || (simpler && !is_cheaper(b.cost, a.cost, largest))
-        }
-        (false, false) if a.violation.max(b.violation) < NEARLY && (a.cost - b.cost).abs() > GAIN * b.cost.abs() => {
-            a.cost < b.cost
-        }
-        (false, false) => a.violation < b.violation,
-        (now, _) => now,
-    }
-}
-
-/// Is a cost lower than another one by more than counts? Costs have the rounding of the largest on the way to them: those of motions that end at
-/// zero are differences of that.
-fn is_cheaper(a: f64, b: f64, largest: f64) -> bool {
-    a < b - (GAIN * b.abs()).max(f64::EPSILON * largest)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::is_cheaper;
-
-    #[test]
-    fn costs_at_zero_have_the_rounding_of_those_on_the_way() {
-        // 1e-17 is none the worse than 1e-20 where costs of 3 were seen, and is where none above 1e-12 was
-        assert!(!is_cheaper(1e-20, 1e-17, 3.0) && !is_cheaper(-1e-17, 1e-17, 3.0));
-        assert!(is_cheaper(1e-20, 1e-17, 1e-12) && !is_cheaper(1e-17, 1e-20, 1e-12));
-        // costs away from zero by a share of their own
-        assert!(is_cheaper(1.0 - 1e-8, 1.0, 3.0) && !is_cheaper(1.0 - 1e-10, 1.0, 3.0));
-        assert!(is_cheaper(-1.0 - 1e-8, -1.0, 3.0) && !is_cheaper(f64::NAN, 1.0, 3.0));
     }
 }

@@ -2,8 +2,9 @@
 
 use super::chain_tests::ball_from;
 use super::modes::{ContactMode, Phase, Sequence};
+use super::options::{Method, Options};
 use super::problem::{Problem, Statement};
-use super::search::{solve_again, Method, Options, Reach};
+use super::search::{solve_again, Reach};
 use super::simulate::simulate;
 use crate::mpcc::MpccSettings;
 use crate::nlp::Control;

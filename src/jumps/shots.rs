@@ -7,9 +7,10 @@
 //! 1944; D. W. Marquardt, 1963) with derivatives by differences through their impacts, and those that nearly hit are motions that contact
 //! mode programs start from.
 
+use super::answer::Answer;
+use super::options::Options;
 use super::problem::Problem;
 use super::scales;
-use super::search::{Answer, Options};
 use super::simulate::{engine, run, simulate_with, Effort, Ends, Inputs, Simulated};
 use super::spread::{off, spreads};
 use super::track::Track;

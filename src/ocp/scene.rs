@@ -8,7 +8,9 @@ use super::solve::Start;
 use super::{Jumps, Ocp, OcpResult, OcpSensitivity, SLACK};
 use crate::error::{Error, Result};
 use crate::func::Point;
-use crate::jumps::{self, Aim, Answer, Blame, Contacts, Found, Missed, Of, Options, Problem, Sequence, Solved};
+use crate::jumps::{
+    self, Aim, Answer, Blame, Contacts, Findings, Found, Missed, Of, Options, Problem, Sequence, Solved,
+};
 use crate::memory;
 use crate::mpcc::Polish;
 use crate::nlp::middle;
@@ -67,30 +69,16 @@ impl Ocp {
     fn run_scene(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<OcpResult> {
         let clock = std::time::Instant::now();
         let extended = self.extended()?;
-        let mut problem = self.scene_problem(&extended, request)?;
+        let problem = self.scene_problem(&extended, request)?;
         self.check_start(&problem)?;
         let options = self.scene_options(&problem, &extended, start, request);
         let time_build = clock.elapsed().as_secs_f64();
-        let mut findings = jumps::solve(&problem, &options, control)?;
-        if findings.best.0.contradicts && stop::requested().is_none() {
-            let with_room = problem.with_room();
-            // what ends this search leaves what the first one found
-            if let Ok(again) = jumps::solve(&with_room, &options, control) {
-                let (strict, loose) = (&findings.best.0, &again.best.0);
-                let (mut stats, tried) = (strict.stats, strict.tried + loose.tried);
-                stats.add(&loose.stats);
-                if loose.is_solved() && !(strict.is_solved() && strict.cost <= loose.cost) {
-                    (problem, findings) = (with_room, again);
-                }
-                (findings.best.0.stats, findings.best.0.tried) = (stats, tried);
-            }
-        }
+        let Findings { problem, best, others } = jumps::solve(&problem, &options, control)?;
         let asked = |shoots| (&extended, &options, request, shoots);
-        let (mut last, mut result, mut followed) =
-            self.compared(problem.clone(), findings.best, asked(true), control)?;
+        let (mut last, mut result, mut followed) = self.compared(problem.clone(), best, asked(true), control)?;
         if last.answer.is_solved() {
             // what is dearer may be a motion that there is
-            for mut other in findings.others {
+            for mut other in others {
                 if followed || stop::requested().is_some() {
                     break;
                 }

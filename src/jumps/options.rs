@@ -1,0 +1,52 @@
+//! What a search for contact modes is asked for.
+
+use super::answer::Answer;
+use super::modes::Sequence;
+use crate::mpcc::MpccSettings;
+
+/// How contact modes are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+pub enum Method {
+    /// From the simulated guess and the sequences next to it, and from time stepping; where none of them has a solution, from simulated
+    /// shots, and then from FESD with jumps.
+    #[default]
+    Auto = 0,
+    /// From the simulated guess and the sequences next to it.
+    Modes = 1,
+    /// From FESD with jumps.
+    FesdJ = 2,
+    /// From time stepping.
+    Steps = 3,
+    /// From simulations of controls drawn at random and aimed at the constraints.
+    Shots = 4,
+    /// From time-freezing: finite elements in a numerical time in which nothing jumps.
+    Freezing = 5,
+}
+
+/// What a search is given besides the problem.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// How modes are found.
+    pub method: Method,
+    /// Parameters of the solver.
+    pub solver: MpccSettings,
+    /// Elements of a control stage in FESD with jumps.
+    pub n_fe: usize,
+    /// Weight of the soft step equilibration.
+    pub rho_h: f64,
+    /// Sequences next to an answer that may be tried.
+    pub search: usize,
+    /// Controls to start from `[n_stages · wide.u]`.
+    pub controls: Vec<f64>,
+    /// Initial state to start from.
+    pub x0: Vec<f64>,
+    /// Times and states to start from, where they are given.
+    pub states: Option<(Vec<f64>, Vec<f64>)>,
+    /// A state at which the conditions at the end hold, where there is one.
+    pub target: Option<Vec<f64>>,
+    /// A mode sequence to start from.
+    pub sequence: Option<Sequence>,
+    /// An answer to a problem nearby, whose modes are tried first.
+    pub warm: Option<Answer>,
+}
