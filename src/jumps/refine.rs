@@ -71,6 +71,32 @@ impl Refined {
         Track { pieces, ..own.clone() }
     }
 
+    /// The problem on a grid that is finer in the stages that are further off than `within`.
+    fn finer(&self, within: f64) -> Result<Problem> {
+        let more = |off: f64| if off > FAR_OFF * within { 4 } else { 2 };
+        self.problem.finer(|k| if self.stages[k] > within { more(self.stages[k]) } else { 1 })
+    }
+
+    /// The solution, on the same grid, for the order of contacts that simulations of its stages have, if that was not asked for yet and is closer to its
+    /// simulations.
+    fn with_simulated_order(
+        &self,
+        (options, within, tol): (&Options, f64, f64),
+        (asked, spent): (&mut Vec<Key>, &mut Spent),
+        control: &mut Control,
+    ) -> Result<Option<Refined>> {
+        let simulated = self.motion.sequence(self.problem.n_stages());
+        // where most stages are off it is the method that is, and simulations are of another motion
+        let is_close = 2 * self.stages.iter().filter(|off| **off > within).count() <= self.stages.len();
+        if !is_close || asked.contains(&simulated.key()) {
+            return Ok(None);
+        }
+        asked.push(simulated.key());
+        let from = (&simulated, &self.motion);
+        let sought = solve_again(&self.problem, from, (options, Reach::Wanted), spent.left(), control)?;
+        Ok(spent.refined(&self.problem, sought, tol).filter(|n| n.replaces(self, within)))
+    }
+
     /// Is it to be had rather than another one?
     fn replaces(&self, other: &Refined, within: f64) -> bool {
         let closer = self.off <= within || self.off * AS_FAR < other.off;
@@ -122,7 +148,8 @@ pub struct Aim {
     pub shoots: bool,
 }
 
-/// Refines an answer until simulations of its stages are near enough, or as far as that has solutions.
+/// Refines an answer until simulations of its stages are near enough, or as far as that has solutions, or until it comes to an order of contacts that another
+/// answer has been refined through; orders that it comes to join those.
 ///
 /// # Errors
 /// Those of building programs.
@@ -131,6 +158,7 @@ pub fn refine(
     found: Found,
     options: &Options,
     Aim { within, far, tol, shoots }: Aim,
+    visited: &mut Vec<Key>,
     control: &mut Control,
 ) -> Result<Refined> {
     let mut best = Refined::new(problem, found, tol);
@@ -139,37 +167,39 @@ pub fn refine(
     let mut spent = Spent { most, effort: 0, stats: best.answer.stats, tried: best.answer.tried };
     let mut asked: Vec<Key> = vec![best.answer.sequence.key()];
     let mut compared = false;
+    let first_finer = best.finer(within)?;
     for _ in 0..ROUNDS {
         if best.off <= within || stop::requested().is_some() {
             break;
         }
-        let mut next = None;
-        let simulated = best.motion.sequence(best.problem.n_stages());
-        // where most stages are off it is the method that is, and simulations are of another motion
-        let is_close = 2 * best.stages.iter().filter(|off| **off > within).count() <= best.stages.len();
-        if is_close && !asked.contains(&simulated.key()) {
-            asked.push(simulated.key());
-            let from = (&simulated, &best.motion);
-            let sought = solve_again(&best.problem, from, (options, Reach::Wanted), spent.left(), control)?;
-            next = spent.refined(&best.problem, sought, tol).filter(|n| n.replaces(&best, within));
-        }
+        let mut next = best.with_simulated_order((options, within, tol), (&mut asked, &mut spent), control)?;
         if next.is_none() {
-            let more = |off: f64| if off > FAR_OFF * within { 4 } else { 2 };
-            let finer = best.problem.finer(|k| if best.stages[k] > within { more(best.stages[k]) } else { 1 })?;
+            let finer = best.finer(within)?;
             let motion = best.nearest_motion();
             let from = (&best.answer.sequence, &motion);
             let reach = if std::mem::replace(&mut compared, true) { Reach::Wanted } else { Reach::Local };
             let sought = solve_again(&finer, from, (options, reach), spent.left(), control)?;
-            next = spent.refined(&finer, sought, tol).filter(|n| n.replaces(&best, within));
-            if next.is_none() && best.off > far {
-                let sought = solve_beside(&finer, (&best.answer, options), (shoots, spent.left()), control)?;
-                next = spent.refined(&finer, sought, tol).filter(|n| n.replaces(&best, within));
+            next = spent.refined(&finer, sought, tol);
+            // a finer grid may show a contact that the coarser one has between two points, and have it between two points itself
+            if let Some(further) = next.take_if(|n| !n.replaces(&best, within)) {
+                next = further.with_simulated_order((options, within, tol), (&mut asked, &mut spent), control)?;
             }
+            next = next.filter(|n| n.replaces(&best, within));
+        }
+        if next.is_none() && best.off > far {
+            let sought = solve_beside(&first_finer, (&best.answer, options), (shoots, spent.left()), control)?;
+            next = spent.refined(&first_finer, sought, tol).filter(|n| n.replaces(&best, within));
         }
         let Some(next) = next else { break };
-        asked.push(next.answer.sequence.key());
+        let key = next.answer.sequence.key();
+        let is_known = visited.contains(&key);
+        asked.push(key);
         best = next;
+        if is_known {
+            break;
+        }
     }
+    visited.extend(asked);
     (best.answer.stats, best.answer.tried, best.answer.freezing) = (spent.stats, spent.tried, freezing);
     Ok(best)
 }

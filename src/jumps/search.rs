@@ -151,12 +151,12 @@ pub(super) enum Reach {
 /// What became of a sequence.
 #[derive(Debug, Clone, Copy)]
 enum Tried {
-    /// It has a solution of this cost, near the answer that was the best then.
-    Solved { cost: f64, bests: usize },
-    /// It has no solution near a guess of this round.
-    Failed { round: usize },
-    /// It nearly has one near the answer that was the best then.
-    Close { bests: usize },
+    /// It has a solution of this cost; the number of the answer that was the best then.
+    Solved { cost: f64, best: usize },
+    /// It has no solution near a guess of this round; the number of the answer whose motion that guess was, if it was one's.
+    Failed { round: usize, of: Option<usize> },
+    /// It nearly has one; the number of the answer that was the best then.
+    Close { best: usize },
 }
 
 struct Search<'a> {
@@ -165,8 +165,11 @@ struct Search<'a> {
     spent: Statistics,
     /// Sequences that were tried.
     tried: Vec<(Key, Tried)>,
-    /// Answers that were the best at their time.
-    bests: usize,
+    /// Number of the best answer, or of there being none yet in a start, and the last number that was given.
+    best_number: usize,
+    numbers: usize,
+    /// Is the next sequence solved for from the motion of the best?
+    from_best: bool,
     /// Programs solved.
     attempts: usize,
     /// Largest cost on the way to one of them: costs have the rounding of that, also where they end at zero.
@@ -204,7 +207,7 @@ struct Search<'a> {
     /// Are guesses next to solutions?
     close: bool,
     /// Has it begun at the solution for the modes of an answer nearby?
-    is_near: bool,
+    is_warm: bool,
     /// Least cost of a sequence that has no solution only for constraints that contradict each other by next to nothing.
     contradicted: f64,
     /// What is known of the simulation of the guess.
@@ -232,7 +235,9 @@ impl<'a> Search<'a> {
             options,
             spent: Statistics::default(),
             tried: Vec::new(),
-            bests: 0,
+            best_number: 0,
+            numbers: 0,
+            from_best: false,
             round: 1,
             attempts: 0,
             largest: 0.0,
@@ -253,7 +258,7 @@ impl<'a> Search<'a> {
             most_effort: usize::MAX,
             refines: false,
             close: false,
-            is_near: false,
+            is_warm: false,
             contradicted: f64::INFINITY,
             seen: Seen::Nothing,
             freezing: None,
@@ -264,9 +269,9 @@ impl<'a> Search<'a> {
     fn explore_starts(&mut self, control: &mut Control) -> Result<()> {
         if let Some(last) = &self.options.warm {
             self.start_at_answer(last, control)?;
-            self.is_near = self.is_solved();
+            self.is_warm = self.is_solved();
         }
-        if self.is_near {
+        if self.is_warm {
             return Ok(());
         }
         for start in starts(self.options) {
@@ -282,7 +287,7 @@ impl<'a> Search<'a> {
 
     /// From what the starts have led to: to what comes closest where none has a solution, to other motions, and to the sequences next to the best.
     fn finish(&mut self, control: &mut Control) -> Result<()> {
-        if self.is_near {
+        if self.is_warm {
             // a warm start goes where phases that vanish lead, and no further
             return self.improve(Reach::Wanted, self.options.search, control);
         }
@@ -352,7 +357,8 @@ impl<'a> Search<'a> {
         control: &mut Control,
         begin: impl FnOnce(&mut Self, &mut Control) -> Result<bool>,
     ) -> Result<()> {
-        let before = self.best.take();
+        let (before, number) = (self.best.take(), self.best_number);
+        self.number_anew();
         self.rival = before.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost);
         self.round += 1;
         self.met = false;
@@ -369,6 +375,9 @@ impl<'a> Search<'a> {
             let as_good = self.best.as_ref().is_some_and(|new| new.0.is_solved() && same(&new.0));
             self.agreed |= old.0.is_solved() && (self.met || as_good);
             let keeps = self.best.as_ref().is_none_or(|new| !is_better(&new.0, &old.0, self.largest));
+            if keeps {
+                self.best_number = number;
+            }
             let dearer = if keeps { self.best.replace(old) } else { Some(old) };
             self.keep(dearer);
         }
@@ -405,9 +414,11 @@ impl<'a> Search<'a> {
         let key = sequence.key();
         match self.tried.iter().find(|t| t.0 == key).map(|t| t.1) {
             None => true,
-            Some(Tried::Solved { bests, .. }) => self.again && bests != self.bests,
-            Some(Tried::Failed { round }) => round != self.round,
-            Some(Tried::Close { bests }) => bests != self.bests,
+            Some(Tried::Solved { best, .. }) => self.again && best != self.best_number,
+            Some(Tried::Failed { round, of }) => {
+                round != self.round && !(self.from_best && of == Some(self.best_number))
+            }
+            Some(Tried::Close { best }) => best != self.best_number,
         }
     }
 
@@ -415,6 +426,12 @@ impl<'a> Search<'a> {
     fn count(&mut self, other: &Search) {
         self.spent.add(&other.spent);
         self.attempts += other.attempts;
+    }
+
+    /// Another answer is the best, or none is.
+    fn number_anew(&mut self) {
+        self.numbers += 1;
+        self.best_number = self.numbers;
     }
 
     /// What a solve took, and how large its program was.
@@ -486,11 +503,13 @@ impl<'a> Search<'a> {
             let own = self.best.as_ref().filter(|b| b.0.is_solved()).map_or(f64::INFINITY, |b| b.0.cost);
             self.met |= cost < own - GAIN * own.abs() || own.is_infinite();
         }
-        if !self.is_new(sequence) || !modal::can_begin(self.p, sequence) || stop::requested().is_some() {
+        let is_new = self.is_new(sequence);
+        let of = std::mem::take(&mut self.from_best).then_some(self.best_number);
+        if !is_new || !modal::can_begin(self.p, sequence) || stop::requested().is_some() {
             return Ok(false);
         }
         self.tried.retain(|t| t.0 != key);
-        self.tried.push((key, Tried::Failed { round: self.round }));
+        self.tried.push((key, Tried::Failed { round: self.round, of }));
         let place = self.tried.len() - 1;
         let patience = if most <= NEAR_ITERATIONS { NEAR_PATIENCE } else { most / 4 };
         let settings = MpccSettings {
@@ -536,9 +555,9 @@ impl<'a> Search<'a> {
         self.attempts += 1;
         self.largest = self.largest.max(answer.largest);
         if answer.is_solved() {
-            self.tried[place].1 = Tried::Solved { cost: answer.cost, bests: self.bests };
+            self.tried[place].1 = Tried::Solved { cost: answer.cost, best: self.best_number };
         } else if answer.violation < PROMISING {
-            self.tried[place].1 = Tried::Close { bests: self.bests };
+            self.tried[place].1 = Tried::Close { best: self.best_number };
         }
         self.failure = if answer.is_solved() { 0.0 } else { answer.violation };
         if stuck && answer.violation <= CONTRADICTION {
@@ -552,7 +571,7 @@ impl<'a> Search<'a> {
         }
         let better = self.best.as_ref().is_none_or(|b| is_better(&answer, &b.0, self.largest));
         if better {
-            self.bests += 1;
+            self.number_anew();
             let dearer = self.best.replace((answer, solved));
             self.keep(dearer);
         }
@@ -683,6 +702,7 @@ impl<'a> Search<'a> {
                 }
                 let known = self.attempts;
                 self.failure = 0.0;
+                self.from_best = true;
                 better = self.attempt(&s, &best.track, NEAR_ITERATIONS, control)?;
                 left -= (self.attempts - known).min(left);
                 if best.is_solved() && self.failure > PROMISING {

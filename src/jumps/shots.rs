@@ -74,8 +74,10 @@ const ABOUT: f64 = 10.0;
 const TRIED: usize = 6;
 const FIRST_TRIAL: f64 = 1.0;
 
-/// Shots that are looked at for a cheaper answer: of 56 problems all that were bettered were bettered from the first four.
+/// Shots that are looked at for a cheaper answer: of 56 problems all that were bettered were bettered from the first four. And how far the controls of the
+/// known answer may miss in a simulation, as a share of the sizes of the constraints: an unstable motion goes anywhere, and so do shots beside it.
 const MOST_CHEAPER: usize = 6;
+const FOLLOWED: f64 = 1.0;
 /// Share of the simulations that draws take, and the multiple of the controls of the known answer that they are drawn from.
 const DRAWN_SHARE: f64 = 0.4;
 const WIDER: f64 = 2.0;
@@ -229,6 +231,9 @@ pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usiz
     range.below = Some(known.cost);
     range.narrow(known.controls());
     range.size_up(known);
+    if !range.follows(known) {
+        return Ok(Vec::new());
+    }
     let mut drawn = range.draw();
     range.most_steps = most_steps;
     let mut out = range.aimed(&mut drawn)?;
@@ -241,29 +246,39 @@ pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usiz
         if out.len() >= MOST_CHEAPER {
             break;
         }
-        if !words.contains(&&d.flight.word[..]) {
+        let miss = largest(&d.flight.off(&scales));
+        if miss <= NEARLY && !words.contains(&&d.flight.word[..]) {
             words.push(&d.flight.word);
-            out.extend(range.shot(&d.at, largest(&d.flight.off(&scales)))?);
+            out.extend(range.shot(&d.at, miss)?);
         }
     }
     Ok(out)
 }
 
+/// What the controls of an answer have in a simulation.
+pub(super) enum Beside {
+    /// A motion that ends nowhere near the answer: it is unstable, or of another kind, and so are those beside it.
+    Elsewhere,
+    /// One that nearly meets the constraints once it is aimed at them, where it does.
+    Near(Option<Box<Shot>>),
+}
+
 /// The motion that the controls of an answer have in a simulation, aimed at the constraints by the controls of all stages: where a coarse grid has a motion
-/// that there is not, one that there is lies beside it. Nothing where it does not come near.
-pub(super) fn beside(p: &Problem, o: &Options, answer: &Answer) -> Result<Option<Shot>> {
+/// that there is not, one that there is lies beside it.
+pub(super) fn beside(p: &Problem, o: &Options, answer: &Answer) -> Result<Beside> {
     let mut range = Range::new(p, o, MOST_STEPS, p.n_stages())?;
     range.closely = true;
     range.size_up(answer);
+    if !range.follows(answer) {
+        return Ok(Beside::Elsewhere);
+    }
     let scales = range.most_spread.clone();
     let at: Vec<f64> = range.variables.iter().map(Variable::share_of_given).collect();
-    let Some(flight) = range.fly(&at) else { return Ok(None) };
+    let Some(flight) = range.fly(&at) else { return Ok(Beside::Near(None)) };
     let found = range.aim(&Drawn { at, flight, aimed: false }, &scales);
     let miss = largest(&found.flight.off(&scales));
-    if miss > NEARLY {
-        return Ok(None);
-    }
-    range.shot(&found.at, miss)
+    let shot = if miss <= NEARLY { range.shot(&found.at, miss)? } else { None };
+    Ok(Beside::Near(shot.map(Box::new)))
 }
 
 /// Those that hit first, the cheapest of them before others, then by how far they miss.
@@ -414,6 +429,19 @@ impl<'a> Range<'a> {
             out.push(known.cost.abs());
         }
         self.most_spread = out;
+    }
+
+    /// Do the controls of an answer, which the constraints have the sizes of, take a simulation anywhere near its end?
+    fn follows(&mut self, answer: &Answer) -> bool {
+        self.missed_by(answer).is_some_and(|miss| miss <= FOLLOWED)
+    }
+
+    /// How far the controls of an answer miss the constraints in a simulation, as a share of their sizes; nothing where it does not reach the end.
+    fn missed_by(&mut self, answer: &Answer) -> Option<f64> {
+        let f = Filled::of_answer(self.p, answer);
+        let s = self.simulate(&f, (0, &Ends::default()))?;
+        let all = values(self.p, &f, &s)?;
+        Some(all.iter().zip(&self.most_spread).fold(0.0, |m, ((v, bounds), size)| m.max(off(*v, *bounds, *size).abs())))
     }
 
     /// How far the values of every constraint are spread.

@@ -9,7 +9,7 @@ use super::{Jumps, Ocp, OcpResult, OcpSensitivity, SLACK};
 use crate::error::{Error, Result};
 use crate::func::Point;
 use crate::jumps::{
-    self, Aim, Answer, Blame, Contacts, Findings, Found, Missed, Of, Options, Problem, Sequence, Solved,
+    self, Aim, Answer, Blame, Contacts, Findings, Found, Key, Missed, Of, Options, Problem, Sequence, Solved,
 };
 use crate::memory;
 use crate::mpcc::Polish;
@@ -75,7 +75,9 @@ impl Ocp {
         let time_build = clock.elapsed().as_secs_f64();
         let Findings { problem, best, others } = jumps::solve(&problem, &options, control)?;
         let asked = |shoots| (&extended, &options, request, shoots);
-        let (mut last, mut result, mut followed) = self.compared(problem.clone(), best, asked(true), control)?;
+        let mut visited = Vec::new();
+        let (mut last, mut result, mut followed) =
+            self.compared(problem.clone(), best, asked(true), &mut visited, control)?;
         if last.answer.is_solved() {
             // what is dearer may be a motion that there is
             for mut other in others {
@@ -83,7 +85,7 @@ impl Ocp {
                     break;
                 }
                 (other.0.stats, other.0.tried) = (last.answer.stats, last.answer.tried);
-                let next = self.compared(problem.clone(), other, asked(false), control)?;
+                let next = self.compared(problem.clone(), other, asked(false), &mut visited, control)?;
                 if next.2 {
                     (last, result, followed) = next;
                 } else {
@@ -107,12 +109,14 @@ impl Ocp {
         Ok(result)
     }
 
-    /// An answer, refined where its simulation leaves it, if asked with shots beside it, with its result, and whether it is a motion of the control problem.
+    /// An answer, refined where its simulation leaves it, if asked with shots beside it, with its result, and whether it is a motion of the control problem;
+    /// `visited` are the orders of contacts that answers have been refined through.
     fn compared(
         &self,
         problem: Problem,
         (answer, solved): Found,
         (extended, options, request, shoots): (&Extended, &Options, &Request, bool),
+        visited: &mut Vec<Key>,
         control: &mut Control,
     ) -> Result<(Last, OcpResult, bool)> {
         let mut last = Last { answer, problem, solved };
@@ -122,7 +126,7 @@ impl Ocp {
         let Some(c) = compares else { return Ok((last, result, true)) };
         let largest = largest_state(&last.problem, &last.answer);
         let aim = Aim { within: AIM * largest, far: OFF_IN_A_STAGE * largest, tol: c.tol, shoots };
-        let finer = jumps::refine(last.problem, (last.answer, last.solved), options, aim, control)?;
+        let finer = jumps::refine(last.problem, (last.answer, last.solved), options, aim, visited, control)?;
         last = Last { answer: finer.answer, problem: finer.problem, solved: finer.solved };
         result = self.replayed(&last, extended, request)?;
         let left = self.departure(&last, &result, finer.off);

@@ -6,7 +6,7 @@ use super::super::answer::{Answer, Found};
 use super::super::modes::Sequence;
 use super::super::options::Options;
 use super::super::problem::Problem;
-use super::super::shots::beside;
+use super::super::shots::{beside, Beside};
 use super::super::track::Track;
 use super::starts::Start;
 use super::{Reach, Search, ITERATIONS, NEAR_ITERATIONS};
@@ -57,7 +57,7 @@ pub(in crate::jumps) fn solve_again(
 
 /// Searches on a finer grid of the same control stages for an answer beside one that its simulation leaves, whose order of contacts has no solution there: from
 /// the simulation of its controls, aimed at the constraints and as it is, and, if asked, from shots; as long as the effort is less than `most`. No answer where
-/// nothing of that leads to a solution.
+/// nothing of that leads to a solution, or where that simulation ends nowhere near.
 ///
 /// # Errors
 /// Those of simulations and of building programs.
@@ -73,7 +73,11 @@ pub(in crate::jumps) fn solve_beside(
     let options =
         &Options { controls: given.0, x0: given.1, states: None, sequence: None, warm: None, ..options.clone() };
     let mut s = Search { most_effort: most, refines: true, ..Search::new(p, options) };
-    if let Some(shot) = beside(p, options, answer)? {
+    let beside = match beside(p, options, answer)? {
+        Beside::Elsewhere => return Ok(s.into_sought(clock)),
+        Beside::Near(shot) => shot,
+    };
+    if let Some(shot) = beside {
         s.compete(control, |s, control| {
             s.attempt(&shot.track.sequence(p.n_stages()), &shot.track, ITERATIONS, control)?;
             Ok(true)
