@@ -581,3 +581,38 @@ fn forces_that_are_next_to_nothing_where_bodies_come_to_rest() {
         assert!((e.state()[0] - way).abs() < 1e-8, "{force}: {} {way}", e.state()[0]);
     }
 }
+
+/// Two blocks slide on together, since the one in front has more friction, and come to rest: three of their forces are two too many then, nothing pushes
+/// them, and the push between them is no rounding of the weights, which would open and close it without end.
+#[test]
+fn blocks_that_rest_beside_each_other_have_no_events() {
+    let g = Graph::new();
+    let (x1, y1, x2, y2) = (g.x(0), g.x(1), g.x(2), g.x(3));
+    let (m, mu, v0) = ([1.0, 0.7], [0.2, 0.3], 1.0);
+    for drag in [0.0, 0.4] {
+        let forces = [
+            g.x(4) * (-drag * m[0]),
+            g.constant(-m[0] * GRAVITY),
+            g.x(6) * (-drag * m[1]),
+            g.constant(-m[1] * GRAVITY),
+        ];
+        let mut s = scene(&g, "blocks", &[m[0], m[0], m[1], m[1]], &forces, 0, 0);
+        s.add_contact(contact(&g, "pair", x2 - x1 - 0.2, &[], 0.0, 0.0)).unwrap();
+        s.add_contact(contact(&g, "floor of the first", y1, &[x1], mu[0], 0.0)).unwrap();
+        s.add_contact(contact(&g, "floor of the second", y2, &[x2], mu[1], 0.0)).unwrap();
+        let system = s.build(&g).unwrap().system;
+        for tol in [1e-6, 1e-9, 1e-11] {
+            let mut e =
+                start(&system, &Options::with_tolerance(tol, 1e-2 * tol), &[0.0, 0.0, 0.2, 0.0, v0, 0.0, v0, 0.0]);
+            assert_eq!(e.advance(3.0).unwrap(), Outcome::Reached, "{drag}, {tol}: {}", e.reason());
+            let braked = GRAVITY * (mu[0] * m[0] + mu[1] * m[1]) / (m[0] + m[1]);
+            // v' = −braked − drag v until it rests
+            let way = match drag {
+                0.0 => 0.5 * v0 * v0 / braked,
+                d => v0 / d - braked / (d * d) * (1.0 + d * v0 / braked).ln(),
+            };
+            assert!((e.state()[0] - way).abs() < 10.0 * tol, "{drag}, {tol}: {} instead of {way}", e.state()[0]);
+            assert!(e.stats().switches < 5, "{drag}, {tol}: {} switches", e.stats().switches);
+        }
+    }
+}

@@ -11,7 +11,7 @@ use super::answer::Answer;
 use super::options::Options;
 use super::problem::Problem;
 use super::scales;
-use super::simulate::{engine, run, simulate_with, Effort, Ends, Inputs, Simulated};
+use super::simulate::{engine, run, simulate_with, Effort, Ends, Inputs, Simulated, MAX_EVENTS};
 use super::spread::{off, spreads};
 use super::track::Track;
 use crate::error::Result;
@@ -777,7 +777,7 @@ pub enum Of {
 /// A simulation of the controls of an answer that is no solution.
 pub(super) fn simulation(p: &Problem, o: &Options, a: &Answer) -> Option<Simulated> {
     let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
-    simulate_with(p, Filled::of_answer(p, a).inputs(), Effort { sizes: &sizes, max_events: usize::MAX, ..EFFORT }).ok()
+    simulate_with(p, Filled::of_answer(p, a).inputs(), Effort { sizes: &sizes, max_events: MAX_EVENTS, ..EFFORT }).ok()
 }
 
 /// What the controls of an answer miss most in a simulation, as a share of the size that states of their sizes give a constraint; nothing

@@ -12,6 +12,8 @@ use crate::system::SharedFunction;
 /// Tolerance of simulations that are guesses, relative to the sizes of the states, and their steps at most.
 const TOLERANCE: f64 = 1e-6;
 const MAX_STEPS: usize = 100_000;
+/// Impacts and changes of modes of a simulation that is to be followed, which is left behind them: each is kept, and rounding may make them without end.
+pub(super) const MAX_EVENTS: usize = 20_000;
 /// Parts of a control stage that last less, as a share of it, are left out.
 const SHORT: f64 = 1e-7;
 
@@ -70,7 +72,7 @@ const GUESS: Effort = Effort {
     tolerance: TOLERANCE,
     sizes: &[],
     max_steps: MAX_STEPS,
-    max_events: usize::MAX,
+    max_events: MAX_EVENTS,
     dense: true,
     bounded: false,
 };
