@@ -582,8 +582,8 @@ fn forces_that_are_next_to_nothing_where_bodies_come_to_rest() {
     }
 }
 
-/// Two blocks slide on together, since the one in front has more friction, and come to rest: three of their forces are two too many then, nothing pushes
-/// them, and the push between them is no rounding of the weights, which would open and close it without end.
+/// Two blocks slide on together, since the one in front has more friction, and come to rest: the push between them and their frictions are one force too many
+/// then, nothing pushes them, and the push between them is no rounding of the weights, which would open and close it without end.
 #[test]
 fn blocks_that_rest_beside_each_other_have_no_events() {
     let g = Graph::new();

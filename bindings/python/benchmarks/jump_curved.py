@@ -1,6 +1,7 @@
 """The same question as `jump_optima.py` asks, of twelve scenes whose contacts are curved, or sharp for the grid, with three sets of figures each.
 
-Best costs, which stand in `jump_curved.tsv`, are those of every search and of the default one from three random guesses.
+Best costs stand in `jump_curved.tsv`: those of the default search (`--keep`) so far, so that they say what a change makes dearer and not yet what is
+dear; `--best` adds those of every search and of the default one from three random guesses.
 
 usage: jump_curved.py [--best | --keep] [--max-time SECONDS] [--only WORD]
 """
