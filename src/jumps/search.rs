@@ -91,8 +91,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<Fi
         let mut loose = Search::new(&wider, options);
         // what ends this search leaves what the first one found
         let ended = loose.explore_starts(control).and_then(|()| loose.finish(control)).is_err();
-        let cost = |s: &Search| s.best.as_ref().filter(|b| b.0.is_solved()).map_or(f64::INFINITY, |b| b.0.cost);
-        if !ended && loose.is_solved() && cost(&loose) < cost(&s) {
+        if !ended && loose.cost() < s.cost() {
             std::mem::swap(&mut s, &mut loose);
         }
         s.count(&loose);
@@ -342,8 +341,18 @@ impl<'a> Search<'a> {
         Sought { found: if self.is_solved() { self.into_answer(clock) } else { None }, effort, stats, tried }
     }
 
+    /// The best answer, where it is a solution.
+    fn solution(&self) -> Option<&Answer> {
+        self.best.as_ref().map(|b| &b.0).filter(|a| a.is_solved())
+    }
+
     fn is_solved(&self) -> bool {
-        self.best.as_ref().is_some_and(|b| b.0.is_solved())
+        self.solution().is_some()
+    }
+
+    /// Cost of the best answer, infinite where it is no solution.
+    fn cost(&self) -> f64 {
+        self.solution().map_or(f64::INFINITY, |a| a.cost)
     }
 
     fn has_costs(&self) -> bool {
@@ -500,7 +509,7 @@ impl<'a> Search<'a> {
         let key = sequence.key();
         let known = self.tried.iter().find(|t| t.0 == key).map(|t| t.1);
         if let Some(Tried::Solved { cost, .. }) = known.filter(|_| !self.again) {
-            let own = self.best.as_ref().filter(|b| b.0.is_solved()).map_or(f64::INFINITY, |b| b.0.cost);
+            let own = self.cost();
             self.met |= cost < own - GAIN * own.abs() || own.is_infinite();
         }
         let is_new = self.is_new(sequence);
@@ -517,9 +526,7 @@ impl<'a> Search<'a> {
             mu_init: NEAR_BARRIER,
             ..self.options.solver
         };
-        let best = self.best.as_ref().filter(|b| b.0.is_solved());
-        let cost = best.map_or(f64::INFINITY, |b| b.0.cost);
-        let limits = Limits { patience, cost, exact_rows: self.refines, close: self.close };
+        let limits = Limits { patience, cost: self.cost(), exact_rows: self.refines, close: self.close };
         let (mut answer, mut solved) =
             solve_sequence(self.p, sequence, guess, &Held::default(), point, settings, limits, control)?;
         self.note(answer.dimensions, &answer.stats);
@@ -580,8 +587,10 @@ impl<'a> Search<'a> {
 
     /// Would a sequence be better, by more than what contradictions of next to nothing may gain, if its constraints did not contradict each other?
     fn is_contradicted(&self) -> bool {
-        let best = self.best.as_ref().filter(|b| b.0.is_solved());
-        best.map_or(self.contradicted.is_finite(), |b| self.contradicted + LOOKED_GAIN * b.0.cost.abs() < b.0.cost)
+        match self.solution() {
+            Some(best) => self.contradicted + LOOKED_GAIN * best.cost.abs() < best.cost,
+            None => self.contradicted.is_finite(),
+        }
     }
 
     /// Where nothing has a solution: the sequences that came closest get the iterations of a problem of its own.
@@ -644,9 +653,7 @@ impl<'a> Search<'a> {
 
     /// Is the best a solution that all sequences next to it were compared with?
     fn is_settled(&self) -> bool {
-        let Some((best, _)) = self.best.as_ref().filter(|b| b.0.is_solved() && b.0.vanishing.is_empty()) else {
-            return false;
-        };
+        let Some(best) = self.solution().filter(|a| a.vanishing.is_empty()) else { return false };
         let was_tried = |s: &Sequence| !modal::can_begin(self.p, s) || self.tried.iter().any(|t| t.0 == s.key());
         self.next_to(best).iter().all(|n| !n.local || was_tried(&n.sequence))
     }

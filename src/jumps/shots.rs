@@ -433,15 +433,11 @@ impl<'a> Range<'a> {
 
     /// Do the controls of an answer, which the constraints have the sizes of, take a simulation anywhere near its end?
     fn follows(&mut self, answer: &Answer) -> bool {
-        self.missed_by(answer).is_some_and(|miss| miss <= FOLLOWED)
-    }
-
-    /// How far the controls of an answer miss the constraints in a simulation, as a share of their sizes; nothing where it does not reach the end.
-    fn missed_by(&mut self, answer: &Answer) -> Option<f64> {
         let f = Filled::of_answer(self.p, answer);
-        let s = self.simulate(&f, (0, &Ends::default()))?;
-        let all = values(self.p, &f, &s)?;
-        Some(all.iter().zip(&self.most_spread).fold(0.0, |m, ((v, bounds), size)| m.max(off(*v, *bounds, *size).abs())))
+        let reached = self.simulate(&f, (0, &Ends::default()));
+        let Some(all) = reached.and_then(|s| values(self.p, &f, &s)) else { return false };
+        let off = |((v, bounds), size): (&(f64, [f64; 2]), &f64)| off(*v, *bounds, *size).abs();
+        all.iter().zip(&self.most_spread).map(off).all(|miss| miss <= FOLLOWED)
     }
 
     /// How far the values of every constraint are spread.

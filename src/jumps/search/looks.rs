@@ -39,7 +39,7 @@ impl Search<'_> {
     /// Asks whether another start would have bettered the best answer, and again from what is better as long as that pays.
     pub(super) fn look_elsewhere(&mut self, control: &mut Control) -> Result<()> {
         for look in 0..LOOKS {
-            let Some(before) = self.best.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost) else { break };
+            let Some(before) = self.solution().map(|a| a.cost) else { break };
             self.look_once(look > 0, control)?;
             let after = self.best.as_ref().map_or(before, |b| b.0.cost);
             if stop::requested().is_some() || !is_cheaper(after + LOOKED_GAIN * before.abs(), before, self.largest) {
@@ -52,7 +52,7 @@ impl Search<'_> {
     /// Shots that may cost less, each a start of its own, for what [`SECOND`] says, or, `again`, for a part of it. Nothing else notices that an
     /// answer is dear: all sequences next to it may cost more where the motion that costs a tenth of it has its impacts elsewhere, all of them.
     fn look_once(&mut self, again: bool, control: &mut Control) -> Result<()> {
-        let Some((best, _)) = self.best.as_ref().filter(|b| b.0.is_solved()) else { return Ok(()) };
+        let Some(best) = self.solution() else { return Ok(()) };
         if !self.has_costs() {
             return Ok(());
         }
