@@ -33,6 +33,7 @@ from ._ffi import (
 from ._library import path as library_path
 from ._library import version as library_version
 from ._logs import log_to_python
+from ._names import NameWarning
 from ._store import load
 from ._trace import TraceWarning, tracing
 from .animation import animate
@@ -113,9 +114,9 @@ from .mpcc import (
 from .multiphase import MultiPhase, MultiPhaseResult
 from ._ocp_search import Modes
 from .nmpc import ClosedLoop, Nmpc, closed_loop
-from .ocp import Kink, Multipliers, Ocp, OcpJump, OcpMultipliers, OcpResult, OcpSensitivity, Optimality
+from .ocp import Kink, Multipliers, Ocp, OcpJump, OcpMultipliers, OcpResult, OcpSensitivity, Optimality, UnsetWarning
 from .plot import plot, plot_contacts, plot_phase, plot_run
-from .recorded import Recorded
+from .recorded import EarlyEndWarning, Recorded
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
 from .saved import SavedRun, SavedTrajectory
 from .scene import ContactMode, Impact, ImpactKind, ImpactLaw, Projected, Scene, SceneContact
@@ -146,6 +147,7 @@ __all__ = [
     "CostAt",
     "DerivativeCheck",
     "DimensionError",
+    "EarlyEndWarning",
     "Direction",
     "Event",
     "EventKind",
@@ -183,6 +185,7 @@ __all__ = [
     "NmpcQpStatus",
     "NmpcScheme",
     "NmpcSource",
+    "NameWarning",
     "NonfiniteError",
     "Norm",
     "NullError",
@@ -231,6 +234,7 @@ __all__ = [
     "TraceWarning",
     "Trajectory",
     "Undefined",
+    "UnsetWarning",
     "UnsupportedError",
     "UserError",
     "World",

@@ -33,11 +33,17 @@ _SAME_OCP = {
     "terminal_cost": "mayer",
 }
 
+_STOP = (
+    "a run ends early where on_step, which is called with a Step after each, returns True, as in on_step=lambda s: s.x[0] < 0; what happens "
+    "at a crossing is a transition of the model"
+)
+
 #: Keywords that have no counterpart of their own, and what to do instead.
 _INSTEAD = {
     "t_eval": "the whole solution is kept: call the result, run(t_eval), for the states at these times",
     "args": "parameters of the model are p=[...], or p={'name': value} where they have names",
     "events": "what switches is part of the model: comparisons in a Model, switching functions of a System, transitions",
+    **dict.fromkeys(("stop", "terminal", "terminate", "callback", "callbacks"), _STOP),
     "jac": "derivatives belong to the functions: expressions and traced callables have exact ones, others take jacobian=",
     "vectorized": "functions are called with one state at a time; simulate_batch runs many starts",
     "dense_output": "the solution is known everywhere unless dense=False is given",
@@ -58,6 +64,7 @@ _INSTEAD_OCP = {
     "guess": "set_state_guess and set_control_guess give the point to start from",
     "dt": "give horizon and n_stages, or set_durations",
     "time_steps": "give horizon and n_stages, or set_durations",
+    **dict.fromkeys(("stop", "callback"), "on_iteration, which hears of each iteration, ends a solve by returning True; limits are max_iter and max_time"),
     "solver": "there is one solver; options are keywords, swb.options() lists them",
     "ipopt": "there is one solver; options are keywords, swb.options() lists them",
     "method": "the Runge-Kutta method is rk_family and n_s, such as rk_family='gauss_legendre', n_s=3",
@@ -69,6 +76,8 @@ _INSTEAD_OCP = {
 _INSTEAD_SOLVE = {
     "verbose": "Ocp(..., verbose=True) shows the iterations",
     "x0": "set_initial_state, or initial_state= of Ocp; a solve starts from set_state_guess and set_control_guess",
+    "stop": "on_iteration= of Ocp is a function that ends the solve by returning True; limits are the options max_iter and max_time",
+    "callback": "on_iteration= of Ocp is a function that hears of each iteration",
     "p": "set_params, or params= of Ocp",
     "u0": _INSTEAD_OCP["u0"],
     "guess": _INSTEAD_OCP["guess"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -11,8 +12,16 @@ import numpy
 from ._arrays import Array, index, vector
 from .errors import ArgumentError, DimensionError, NullError
 
-__all__ = ["Named", "filled", "named_vector", "nearest", "pairs_by_name", "rows", "split"]
+__all__ = ["NameWarning", "Named", "filled", "named_vector", "nearest", "pairs_by_name", "rows", "split"]
 
+_ATTRIBUTES = {
+    "x": "all states",
+    "u": "all controls",
+    "p": "all parameters",
+    "t": "the time",
+    "q": "all coordinates",
+    "v": "all velocities",
+}
 _BLOCKS = {"x": "state", "u": "control", "p": "parameter"}
 
 
@@ -80,6 +89,10 @@ def named_vector(value: Any, names: Sequence[str], n: int, block: str, missing: 
         known = f" ({', '.join(names)})" if any(names) else ""
         plural = "s" if n > 1 else ""
         raise NullError(f"{block} is missing: the model has {n} {_BLOCKS.get(block[0], 'value')}{plural}{known}, give {block}=[...]")
+    if callable(value):
+        raise ArgumentError(
+            f"{block} is a function: give numbers; what varies in time is part of the model, written with its time t, or is a table of u"
+        )
     return vector(filled(value, names, block, missing), n, block)
 
 
@@ -93,11 +106,39 @@ def pairs_by_name(lower: Any, upper: Any) -> tuple[Any, Any]:
     return tuple({n: (free if v[k] is None else v[k]) for n, v in lower.items()} for k, free in ((0, -numpy.inf), (1, numpy.inf)))
 
 
+class NameWarning(UserWarning):
+    """The name of a variable means something else where it is written as an attribute."""
+
+
 class Named:
     """Variables by their names: `model.q` and `model["q"]` for what was declared as "q"; attributes that do not exist cannot be
     set."""
 
     names: list[list[str]]
+
+    def _refuse_twice(self) -> None:
+        """Raises ArgumentError where two variables have one name."""
+        given = [name for names in self.names for name in names if name]
+        for name in given:
+            if given.count(name) > 1:
+                raise ArgumentError(f"two variables are called '{name}': states, controls and parameters need different names")
+
+    def _warn_hidden(self, besides: Sequence[str] = ()) -> None:
+        """Warn of variables that are no attributes because something else has the name: `model.t` is the time, also where
+        a state is called t. A block that holds nothing but the variable of its name hides nothing."""
+        found = self._variables()
+        kind = type(self).__name__
+        for name, variable in found.items():
+            other = self.__dict__.get(name, getattr(type(self), name, None))
+            if name in besides or other is None or numpy.array_equal(getattr(other, "_ids", ()), [variable._ids]):
+                continue
+            what = _ATTRIBUTES.get(name, f"something else of the {kind}")
+            warnings.warn(
+                f"'{name}' is the name of a variable, but .{name} is {what}: write model['{name}'] for the variable, or call it "
+                "otherwise",
+                NameWarning,
+                stacklevel=3,
+            )
 
     def _variables(self) -> dict[str, Any]:
         """Expressions of all variables that have names."""

@@ -28,6 +28,13 @@ class OcpTerms(Solver):
     def _function(self, f: Any, n_out: int, name: str) -> Function:
         return Function._of(self._expressions(f, name), (self.nx, self.nu, self.np), n_out, name)
 
+    def _constraint(self, f: Any, n_out: int, name: str) -> Function:
+        """A function that is bounded: constants are what they are."""
+        made = self._function(f, n_out, name)
+        if not isinstance(f, Function) or f.name == name:
+            made._require_rows(name, "give an expression or function of the model and its bounds, as in add_terminal(m.q, 1, 1)")
+        return made
+
     def _expressions(self, f: Any, name: str) -> Any:
         """Expressions of the model as a function; anything else as it is."""
         graph = _graph_among((f,))
@@ -36,7 +43,18 @@ class OcpTerms(Solver):
         origin = self._system._origin if self._system is not None else None
         if origin is None or origin[0] is not graph:
             raise ArgumentError(f"{name}: these are not expressions of the model of this problem")
+        self._refuse_block(f, name)
         return graph.function(f, self.nx, self.nu, self.np, name)
+
+    def _refuse_block(self, f: Any, name: str) -> None:
+        """Raises ArgumentError where all states stand in the place of the one called x, or controls or parameters likewise."""
+        ids = getattr(f, "_ids", None)
+        for names, block, what in zip(self._system._names, "xup", ("states", "controls", "parameters")):
+            if len(names) > 1 and block in names and ids is not None and ids.shape == (len(names),):
+                if (ids == self._system._origin[0].inputs(block, len(names))._ids).all():
+                    raise ArgumentError(
+                        f"{name}: this is the array of all {what}, not '{block}': write model['{block}'] for that, list(model.{block}) for all"
+                    )
 
     @staticmethod
     def _rows(f: Any, lower: Any, upper: Any, name: str) -> int:
@@ -54,7 +72,10 @@ class OcpTerms(Solver):
             raise ArgumentError("a boundary constraint knows two states: give model.between_ends(lambda start, end: ...)")
         n = self._rows(f, lower, upper, "boundary constraint")
         function = Function._of(f, (2 * self.nx, self.nu, self.np), n, "boundary")
+        if not isinstance(f, Function):
+            function._require_rows("boundary", "give a function of both states, as model.between_ends(lambda start, end: end[0] - start[0])")
         low, high = bounds(lower, upper, n, "bounds of a boundary constraint")
+        self._starts = True
         self._do("add_boundary", function, address(low), n, address(high), n)
         self._functions.append(function)
 
@@ -62,6 +83,7 @@ class OcpTerms(Solver):
         """Require that states (their indices; None: all) have the same values at both ends of the horizon."""
         chosen = range(self.nx) if states is None else states
         array = numpy.array([index(i, "states") for i in chosen], dtype=numpy.int64)
+        self._starts = True
         self._do("add_periodic", address(array), len(array))
 
     def add_least_squares(self, f: Any, weights: Any, references: Any = 0.0, at: CostAt | str = "running") -> None:
@@ -108,7 +130,7 @@ class OcpTerms(Solver):
         at "terminal" or as in `add_path`. `result.violation` tells what is left; the cost is reported without the price."""
         f = self._expressions(f, "relaxed")
         n = self._rows(f, lower, upper, "relaxed constraint")
-        function = self._function(f, n, "relaxed")
+        function = self._constraint(f, n, "relaxed")
         low, high = bounds(lower, upper, n, "bounds of a relaxed constraint")
         place = -1 if at == "terminal" else int(choice(PathAt, at, "at"))
         kind = choice(Norm, norm, "norm")

@@ -249,7 +249,7 @@ def intervals(run: Any, place: int) -> list[Interval]:
     """Values of a discrete state of a run, by its place, with their times."""
     if run.stats.jumps > len(run.jumps):
         raise StateError(f"the run made {run.stats.jumps} transitions and noted {len(run.jumps)}: raise max_switches")
-    return intervals_of(run.jumps, place, run.t_start, run.t_end, run.x_end)
+    return intervals_of(run.jumps, place, run.t_start, run.t_end, run._last)
 
 
 def intervals_of(jumps: Sequence[Any], place: int, start: float, end: float, x_end: Any) -> list[Interval]:

@@ -127,6 +127,8 @@ class Graph(Handle):
             if value._graph is not self:
                 raise ArgumentError("expressions of two graphs cannot be combined")
             return value
+        if isinstance(value, _Identity):
+            value._refuse()
         objects = isinstance(value, numpy.ndarray) and value.dtype == object and value.ndim > 0
         if objects or (
             isinstance(value, (list, tuple)) and any(isinstance(v, (Expr, list, tuple, numpy.ndarray)) for v in value)
@@ -261,15 +263,22 @@ class Expr:
     def __setitem__(self, key: Any, value: Any) -> None:
         raise TypeError("expressions cannot be changed in place: collect the new ones in a list, [a, b]")
 
-    def __eq__(self, other: Any) -> bool:  # of expressions, not of their values
+    def __eq__(self, other: Any) -> Any:
+        return self._identity(other, "==")
+
+    def __ne__(self, other: Any) -> Any:
+        return self._identity(other, "!=")
+
+    def _identity(self, other: Any, sign: str) -> Any:
+        """Whether another one is the same expression, for sets and dictionaries; refused where values are meant."""
         if self._graph._tracing:
             raise TypeError("whether a value equals another one is not known before the model runs")
-        return (
-            isinstance(other, Expr)
-            and other._graph is self._graph
-            and other.shape == self.shape
-            and bool((other._ids == self._ids).all())
-        )
+        if isinstance(other, Expr):
+            same = other._graph is self._graph and other.shape == self.shape and bool((other._ids == self._ids).all())
+            return _Identity(self, sign, same == (sign == "=="))
+        if numpy.asarray(other).dtype.kind in "fiub" or _graph_among((other,)) is not None:
+            raise TypeError(_no_equality(self, sign))
+        return NotImplemented
 
     def sum(self, axis: int | None = None) -> Expr:
         """Sum of all, or along a dimension."""
@@ -298,23 +307,84 @@ class Expr:
     __ge__ = __gt__
     __le__ = __lt__
 
+    def _unknown(self, *_: Any) -> Any:
+        raise TypeError(_UNKNOWN["remainder"])
+
+    __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __divmod__ = __rdivmod__ = _unknown
+    __floor__ = __ceil__ = __trunc__ = __round__ = _unknown
+
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **keywords: Any) -> Any:
         """Functions of numpy, and operators with an array on the left."""
+        if ufunc.__name__ in ("equal", "not_equal"):
+            raise TypeError(_no_equality(self, "==" if ufunc.__name__ == "equal" else "!="))
         f = _UFUNCS.get(ufunc.__name__)
-        if f is None or method != "__call__" or keywords:
-            return NotImplemented
-        return f(*inputs)
-
+        if f is not None and method == "__call__" and not keywords:
+            return f(*inputs)
+        if f is None:
+            raise TypeError(_UNKNOWN.get(ufunc.__name__) or f"numpy.{ufunc.__name__} is not known for expressions{_known_instead(ufunc.__name__)}")
+        return NotImplemented
 
     def __array_function__(self, function: Any, types: Any, inputs: Any, keywords: Any) -> Any:
         """Other functions of numpy: where, clip, dot, sum, concatenate, linalg.norm, linalg.solve."""
         f = _FUNCTIONS.get(function)
         if f is not None:
             return f(*inputs, **keywords)
+        if function in (numpy.isclose, numpy.allclose, numpy.array_equal, numpy.array_equiv):
+            raise TypeError(_no_equality(_graph_of(*inputs).of(inputs[0]), "=="))
         if function not in _ARRANGING:
-            return NotImplemented
+            raise TypeError(f"numpy.{function.__name__} is not known for expressions{_known_instead(function.__name__)}")
         graph = _graph_of(*inputs)
         return graph.of(function(*(_objects(i) for i in inputs), **keywords))
+
+
+class _Identity:
+    """What `a == b` is of two expressions: true where they are the same one, and no condition of a model."""
+
+    def __init__(self, left: Expr, sign: str, holds: bool):
+        self._left, self._sign, self._holds = left, sign, holds
+
+    def __bool__(self) -> bool:
+        return self._holds
+
+    def _refuse(self, *_: Any, **__: Any) -> Any:
+        raise TypeError(_no_equality(self._left, self._sign))
+
+    __and__ = __rand__ = __or__ = __ror__ = __xor__ = __rxor__ = __invert__ = _refuse
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
+    __gt__ = __lt__ = __ge__ = __le__ = __neg__ = __abs__ = __float__ = __array_ufunc__ = __array_function__ = _refuse
+
+    def __repr__(self) -> str:
+        return repr(self._holds)
+
+
+def _no_equality(value: Expr, sign: str) -> str:
+    """Why a comparison of values by == or != is no condition, and what to write instead."""
+    return (
+        f"{value!r:.60} {sign} ...: values are equal at single moments only, where a model cannot switch. Compare by < or >: "
+        "where(a > b, ...) on either side of a value, where(abs(a - b) < width, ...) near it, where(w > 0.5, ...) for a discrete "
+        "state w; what happens as a value is reached is a transition(a > b, reset={...}), what must be equal at an end is add_terminal(a, b, b)"
+    )
+
+
+_STEPS = (
+    "it jumps without end, which no finite number of modes describes: a value that starts again is a state with a transition, "
+    "m.transition(phase > 1, reset={phase: phase - 1}); a given function of time that repeats is a sine or a step_table"
+)
+_UNKNOWN = {
+    "heaviside": "numpy.heaviside is not known for expressions: use relay(a, 1, 0) or where(a > 0, 1, 0); the value at zero itself plays no role",
+    **dict.fromkeys(("remainder", "fmod", "mod", "divmod", "floor_divide"), f"% and // of expressions are not known: {_STEPS}"),
+    **{name: f"numpy.{name} of an expression is not known: {_STEPS}" for name in ("floor", "ceil", "trunc", "rint")},
+}
+
+
+def _known_instead(name: str) -> str:
+    """The end of a message about a function of numpy that expressions do not have."""
+    close = {"hypot": "sqrt(a**2 + b**2)", "cbrt": "sign(a) * abs(a)**(1/3)", "fmax": "maximum", "fmin": "minimum", "fabs": "abs"}
+    close |= {"expm1": "exp(a) - 1", "log1p": "log(1 + a)", "exp2": "2**a", "log2": "log(a) / log(2)", "log10": "log(a) / log(10)"}
+    close |= {"arcsinh": "log(a + sqrt(a**2 + 1))", "reciprocal": "1 / a", "float_power": "a**b", "deg2rad": "a * pi / 180", "rad2deg": "a * 180 / pi"}
+    if name in close:
+        return f": use {close[name]}"
+    return ": known are + - * / **, comparisons, and the functions of switchback.expr"
 
 
 def _graph_of(*operands: Any) -> Graph:
@@ -383,7 +453,15 @@ maximum = _function(_Op.MAX, "maximum", "The larger one.", numpy.maximum)
 clip = _function(_Op.CLIP, "clip", "clip(a, low, high): the nearest value between them.", numpy.clip)
 relay = _function(_Op.RELAY, "relay", "relay(a, on, off): on where a > 0, else off.", lambda a, on, off: numpy.where(numpy.asarray(a) > 0, on, off))
 dead_zone = _function(_Op.DEAD_ZONE, "dead_zone", "dead_zone(a, w): the distance of a from [-w, w], with sign.", lambda a, w: a - numpy.clip(a, -w, w))
-where = _function(_Op.WHERE, "where", "where(condition, a, b): a where the condition holds, else b.", numpy.where)
+_where = _function(_Op.WHERE, "where", "", numpy.where)
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """where(condition, a, b): a where the condition holds, else b."""
+    for value in (condition, a, b):
+        if isinstance(value, _Identity):
+            value._refuse()
+    return _where(condition, a, b)
 
 
 def _power(a: Any, b: Any) -> Expr:
@@ -653,6 +731,7 @@ class Model(Named):
     ):
         self.name = name
         self.names = [split(states, "states"), split(controls, "controls"), split(parameters, "parameters")]
+        self._refuse_twice()
         self.nx, self.nu, self.np = (len(n) for n in self.names)
         self.graph = Graph() if _graph is None else _graph
         self.x, self.u, self.p = (self.graph.inputs(b, n) for b, n in zip("xup", (self.nx, self.nu, self.np)))
@@ -664,6 +743,8 @@ class Model(Named):
         self._discrete: list[float] = []  # initial values of the last states
         self._value_names: dict[int, tuple[str, ...]] = {}  # of discrete states, by their place among all states
         self._complete = True
+        if _graph is None:
+            self._warn_hidden()
 
     def _blocks(self) -> tuple[Expr, ...]:
         return self.x, self.u, self.p
@@ -679,8 +760,8 @@ class Model(Named):
         start = number(initial, "initial")
         if not isinstance(name, str):
             raise ArgumentError(f"the name of a discrete state must be a text, not {type(name).__name__}")
-        if name and name in self.names[0]:
-            raise ArgumentError(f"there is a state '{name}' already")
+        if name and any(name in names for names in self.names):
+            raise ArgumentError(f"there is a variable '{name}' already: give the discrete state another name")
         self.names[0].append(name)
         self.nx += 1
         self.x = self.graph.inputs("x", self.nx)
@@ -719,6 +800,8 @@ class Model(Named):
         been false.
         """
         g = self.graph.of(guard)
+        if g.size and not isinstance(guard, Expr):
+            raise ArgumentError(f"the guard is {guard!r:.40}, which never passes zero: give a comparison of variables, as in m.q > 1")
         if g._condition:
             if g._margin is None:
                 raise ArgumentError("a guard is one comparison: state several as transitions of their own")

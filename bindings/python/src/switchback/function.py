@@ -19,6 +19,7 @@ __all__ = ["DerivativeCheck", "Function"]
 _NAMES = ("x", "u", "p", "t")
 _FLAGS = {"x": _ffi.Input.X, "u": _ffi.Input.U, "p": _ffi.Input.P, "t": _ffi.Input.T}
 _CACHE = 4096  # views of memory that are kept
+_MOST_EXPRESSIONS = 100_000  # numbers of an affine function above which NumPy is faster than expressions
 
 Pattern = Any  # (rows, columns), or a matrix whose entries count if they are not zero
 
@@ -530,6 +531,8 @@ class Function(Handle):
             raise RangeError(f"constant and matrix of '{name}' must be finite")
         width = a.shape[1]
         needed = [n for n, end in zip(_NAMES, widths) if width >= end and (n == "t" or {"x": nx, "u": nu, "p": np}[n])]
+        if b.size + a.size <= _MOST_EXPRESSIONS:
+            return cls._affine_expressions(b, a, (nx, nu, np), needed, name)
         flat, a = b.ravel().copy(), a.copy()
         rows, columns = numpy.nonzero(a)
         entries = a[rows, columns]
@@ -544,16 +547,36 @@ class Function(Handle):
         return self
 
     @classmethod
+    def _affine_expressions(cls, b: Array, a: Array, sizes: tuple[int, int, int], needed: list[str], name: str) -> Function:
+        """b + a z as expressions: no Python runs while they are evaluated."""
+        from .expr import Graph
+
+        graph = Graph()
+        outputs = graph.constant(b.ravel())
+        if a.any():
+            blocks = [graph.inputs(block, n)._ids for block, n in zip(_NAMES, (*sizes, 1))]
+            outputs = outputs + a @ graph._expr(numpy.concatenate(blocks)[: a.shape[1]])
+        f = graph.function(outputs, *sizes, name)
+        f.shape, f.inputs = b.shape, tuple(needed) if a.any() else ()
+        return f
+
+    @classmethod
     def _of(cls, f: Any, sizes: tuple[int, int, int], n_out: int | tuple[int, ...], name: str) -> Function:
-        """What the models take as a function: one, a callable, several callables, of CasADi too, or constants."""
+        """What the models take as a function: one, a callable, several callables, of CasADi too, expressions, or constants."""
         if isinstance(f, Function):
             return f
         if f is None:
             raise NullError(f"{name} must be a function, not None")
         if isinstance(f, (bool, numpy.bool_)):
             raise ArgumentError(f"{name} is {f}: comparisons are no functions; give the expression and its bounds, as in add_terminal(m.q, 1, 1)")
+        if isinstance(f, str):
+            raise ArgumentError(f"{name} is the text {f!r:.40}: give the expression, model.q or model['q'], or a function")
         from . import casadi
+        from .expr import _graph_among
 
+        graph = _graph_among((f,))
+        if graph is not None:
+            return cls._of_expressions(graph, f, sizes, n_out, name)
         several = isinstance(f, (list, tuple)) and len(f) > 0 and all(map(casadi.is_function, f))
         if several or casadi.is_function(f):
             return casadi.function(f, *sizes, n_out)
@@ -567,6 +590,26 @@ class Function(Handle):
         if constant.shape not in (shape, (int(numpy.prod(shape)),)):
             raise DimensionError(f"{name} has shape {constant.shape}, expected {shape}")
         return constant
+
+    def _require_rows(self, what: str, instead: str) -> None:
+        """Raises ArgumentError where an output is a constant though a function of the model is meant."""
+        still = sorted(set(range(self.n_out)) - set(self.jacobian_pattern[0].tolist()))
+        if still:
+            place = f"{what}[{still[0]}]" if self.n_out > 1 else what
+            raise ArgumentError(f"{place} is a constant: {instead}")
+
+    @classmethod
+    def _of_expressions(cls, graph: Any, f: Any, sizes: tuple[int, int, int], n_out: Any, name: str) -> Function:
+        """Expressions, among which there may be numbers, as a function of the shape that is expected."""
+        outputs = graph.of(f)
+        if outputs._condition:
+            raise ArgumentError(f"{name} is a condition: give the expression that it compares, or choose values by where")
+        shape = n_out if isinstance(n_out, tuple) else (n_out,)
+        if outputs.size != int(numpy.prod(shape)) or outputs.shape not in (shape, (outputs.size,), ()):
+            raise DimensionError(f"{name} has shape {outputs.shape}, expected {shape}")
+        made: Function = graph.function(outputs.ravel(), *sizes, name)
+        made.shape = shape
+        return made
 
     @classmethod
     def _stack(cls, parts: list[Callable[..., Any]], sizes: tuple[int, int, int], n_out: Any, name: str) -> Function:

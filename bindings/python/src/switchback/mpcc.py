@@ -148,7 +148,7 @@ class MpccResult(HasOutcome):
 
     def _repr_html_(self) -> str:
         facts = {
-            "outcome": self.message,
+            "outcome": outcome_name(self.outcome),
             "success": self.success,
             "objective": self.objective,
             "variables, constraints, pairs": f"{len(self.x)}, {len(self.constraints)}, {len(self.g)}",
@@ -160,7 +160,7 @@ class MpccResult(HasOutcome):
     def __repr__(self) -> str:
         n = f"{len(self.x)} variables, {len(self.constraints)} constraints, {len(self.g)} pairs"
         kind = f", {self.stationarity}-stationary" if len(self.g) and self.stationarity not in ("none", "unknown") else ""
-        return f"<MpccResult {self.message}, objective {self.objective:.9g}, {n}{kind}>"
+        return f"<MpccResult {outcome_name(self.outcome)}, objective {self.objective:.9g}, {n}{kind}>"
 
     @property
     def multipliers(self) -> Multipliers:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import warnings
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping, NamedTuple, Sequence
 
@@ -23,12 +24,16 @@ from .errors import ArgumentError, DimensionError, StateError
 from .expr import Model, system_of
 from .function import Function
 from .recorded import OverElements, facts_html
-from .results import Accuracy, HasOutcome, OnIteration, OnLog, Residuals, Stats, outcome_name, polished_of
+from .results import Accuracy, HasOutcome, OnIteration, OnLog, Residuals, Stats, before_first_iterate, outcome_name, polished_of
 from .settings import Settings
 from .system import System
 from .trajectory import Trajectory
 
-__all__ = ["Kink", "Multipliers", "Ocp", "OcpJump", "OcpMultipliers", "OcpResult", "OcpSensitivity", "Optimality"]
+__all__ = ["Kink", "Multipliers", "Ocp", "OcpJump", "OcpMultipliers", "OcpResult", "OcpSensitivity", "Optimality", "UnsetWarning"]
+
+
+class UnsetWarning(UserWarning):
+    """Something of an optimal control problem that is seldom meant to be free was not set."""
 
 
 class OcpJump(NamedTuple):
@@ -249,6 +254,7 @@ class Ocp(Hints, OcpTerms, OcpSearch):
     _system: System | None = None
     _x0: Array | None = None  # initial state and parameters where they were given
     _p: Array | None = None
+    _starts = False  # was anything said of the initial state?
     _contacts: tuple[Any, ...] | None = None
 
     _instead = {
@@ -340,6 +346,7 @@ class Ocp(Hints, OcpTerms, OcpSearch):
         ocp._functions = list(reader.functions)
         ocp._system = None
         ocp._contacts = None
+        ocp._starts = True  # what a document does not say was meant
         ocp._monitors(None, None)
         return ocp
 
@@ -353,6 +360,8 @@ class Ocp(Hints, OcpTerms, OcpSearch):
     def set_mayer(self, f: Any) -> None:
         """Set the terminal cost, one output; its control is that of the last stage."""
         function = self._function(f, 1, "mayer")
+        if not isinstance(f, Function) and not (numpy.isscalar(f) and f == 0):  # 0: no cost
+            function._require_rows("mayer", "the cost at the end is an expression or function of the model, as mayer=m.q**2")
         self._do("set_mayer", function)
         self._functions.append(function)
 
@@ -361,7 +370,7 @@ class Ocp(Hints, OcpTerms, OcpSearch):
         "stage_points". The bounds tell the number of outputs."""
         f = self._expressions(f, "path")
         n = self._rows(f, lower, upper, "path constraint")
-        function = self._function(f, n, "path")
+        function = self._constraint(f, n, "path")
         low, high = bounds(lower, upper, n, "bounds of a path constraint")
         self._do("add_path", function, address(low), n, address(high), n, choice(PathAt, at, "at"))
         self._functions.append(function)
@@ -370,7 +379,7 @@ class Ocp(Hints, OcpTerms, OcpSearch):
         """Add the constraint lower <= f(x, u, p, t) <= upper at the end of the horizon."""
         f = self._expressions(f, "terminal")
         n = self._rows(f, lower, upper, "terminal constraint")
-        function = self._function(f, n, "terminal")
+        function = self._constraint(f, n, "terminal")
         low, high = bounds(lower, upper, n, "bounds of a terminal constraint")
         self._do("add_terminal", function, address(low), n, address(high), n)
         self._functions.append(function)
@@ -403,6 +412,7 @@ class Ocp(Hints, OcpTerms, OcpSearch):
     def set_initial_bounds(self, lower: Any = None, upper: Any = None) -> None:
         """Set bounds of the initial state; equal bounds fix it."""
         lower, upper = pairs_by_name(lower, upper)
+        self._starts = True
         self._bounds("set_initial_bounds", lower, upper, self.nx, "bounds of the initial state")
 
     def set_control_bounds(self, lower: Any = None, upper: Any = None) -> None:
@@ -438,6 +448,7 @@ class Ocp(Hints, OcpTerms, OcpSearch):
         system = self._system
         array = vector(x0, self.nx, "x0") if system is None else system._start(x0, "x0")
         self._do("set_initial_state", address(array), len(array))
+        self._starts = True
         self._x0 = array.copy()
 
     def set_initial_time(self, t0: float) -> None:
@@ -469,6 +480,14 @@ class Ocp(Hints, OcpTerms, OcpSearch):
         """Solve; `warm`: from the last solution, whose active set is tried first. Look at `result.success`: the outcome may be
         another one than solved. Other keywords are refused, with what to use instead."""
         refuse_of_solve(unknown)
+        if not self._starts:
+            self._starts = True  # once
+            warnings.warn(
+                "nothing is said of the initial state, so the solver chooses it: give initial_state=[...], or initial_bounds=(lower, upper) where "
+                "it is free",
+                UnsetWarning,
+                stacklevel=2,
+            )
         self._solve("solve_warm" if warm else "solve")
         return self.result
 
@@ -494,7 +513,7 @@ class Ocp(Hints, OcpTerms, OcpSearch):
             durations,
             self._vector("get_control_ends", u.size).reshape(u.shape),
             self._violation(),
-            text(lib.swb_ocp_get_message, self),
+            text(lib.swb_ocp_get_message, self) + before_first_iterate(self.outcome, self.stats),
             self._adaptation(),
             self._get("get_cost_reached", ctypes.c_double),
             self._jumps(),

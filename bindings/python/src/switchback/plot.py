@@ -132,7 +132,7 @@ def _curve(run: Run, points: int) -> tuple[numpy.ndarray, numpy.ndarray, numpy.n
         times = times[times < run.t_end]
         jumps += zip(times, run(numpy.nextafter(times, numpy.inf)))
         if run.impacts[-1].t == run.t_end:
-            jumps.append((run.t_end, run.x_end))
+            jumps.append((run.t_end, run._last))
         jumps.sort(key=lambda j: j[0])
     places = numpy.searchsorted(t, [j[0] for j in jumps], side="right")
     if jumps:
@@ -459,7 +459,7 @@ def plot_phase(
         for v in vertical:
             row = []
             for h in horizontal:
-                point = run.x_end.copy()
+                point = run._last.copy()
                 point[[a, b]] = h, v
                 row.append(run.system.surfaces(point, u, p, run.t_end, subsystem=k))
             values.append(row)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import os
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +14,34 @@ import numpy
 from ._arrays import Array
 from ._names import nearest
 
-__all__ = ["Recorded", "SystemInfo"]
+__all__ = ["EarlyEndWarning", "EndState", "Recorded", "SystemInfo"]
+
+
+class EarlyEndWarning(UserWarning):
+    """The last state of a simulation that ended before its time was read."""
+
+
+class EndState:
+    """The attribute of a result that is its last state: who reads it of a simulation that ended early is warned.
+
+    The result says by `_early()` why it ended early, in words; "" where it did not."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, result: Any, owner: Any = None) -> Any:
+        if result is None:
+            raise AttributeError(self._name)  # a field without a default, for dataclasses
+        early = result._early()
+        if early:
+            warnings.warn(f"{self._name} is the state where the simulation ended early, {early}; see .success", EarlyEndWarning, stacklevel=2)
+        try:
+            return result.__dict__[self._name]
+        except KeyError:
+            raise AttributeError(self._name) from None
+
+    def __set__(self, result: Any, value: Any) -> None:
+        result.__dict__[self._name] = value
 
 
 @dataclass

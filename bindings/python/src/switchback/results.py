@@ -142,7 +142,14 @@ class HasOutcome:
     @property
     def message(self) -> str:
         """The outcome in words."""
-        return outcome_name(self.outcome)
+        return outcome_name(self.outcome) + before_first_iterate(self.outcome, getattr(self, "stats", None))
+
+
+def before_first_iterate(outcome: int, stats: Any) -> str:
+    """The end of a message about a solve whose time was over before it had an iterate, with what to do; else ""."""
+    if outcome != Outcome.MAX_TIME or stats is None or stats.iterations or getattr(stats, "n_steps", 0):
+        return ""
+    return ", before the first iterate: what is given here is the starting point; raise the option max_time"
 
 
 def outcome_name(outcome: int) -> str:

@@ -16,7 +16,7 @@ from ._ffi import EventKind, ProgressKind, RunOutcome
 from ._foreign import Hints
 from ._library import lib
 from .errors import ArgumentError, DimensionError
-from .recorded import Recorded, labels
+from .recorded import EndState, Recorded, labels
 from .scene import Impact, ImpactKind, SceneContact
 from .system import System
 
@@ -189,7 +189,7 @@ class Run(Hints, Recorded, Handle):
     outcome: RunOutcome
     t: Array
     x: Array
-    x_end: Array
+    x_end = EndState()
     switches: list[Event]
     jumps: list[Jump]
     stats: RunStats
@@ -258,7 +258,7 @@ class Run(Hints, Recorded, Handle):
             self.t = self._array("times", (info.n_pieces + 1,))
             self.x = self(self.t)
         else:
-            self.t, self.x = numpy.array([self.t_end]), self.x_end.reshape(1, -1).copy()
+            self.t, self.x = numpy.array([self.t_end]), self._last.reshape(1, -1).copy()
         self.one_sided = bool(info.one_sided)
         self.redundant = bool(info.redundant)
         self.dx_dx0 = self.dx_dp = self.dx_du = None
@@ -275,6 +275,18 @@ class Run(Hints, Recorded, Handle):
             self.jump_derivatives = numpy.array(rows).reshape(len(rows), info.n_columns)
             rows = [self._array("impact_sensitivity", (info.n_columns,), i) for i in range(len(self.impacts))]
             self.impact_derivatives = numpy.array(rows).reshape(len(rows), info.n_columns)
+
+    def _early(self) -> str:
+        """Why the run ended before its time, where nobody asked for it; else ""."""
+        given = self.__dict__
+        if given.get("outcome", RunOutcome.REACHED) in (RunOutcome.REACHED, RunOutcome.STOPPED):
+            return ""
+        return f"{given['outcome']} at t = {given['t_end']:.9g}: {given['reason']:.300}"
+
+    @property
+    def _last(self) -> Array:
+        """The last state, wherever the run ended."""
+        return self.__dict__["x_end"]
 
     def _structs(self, name: str, kind: Any, n: int) -> list[Any]:
         if n == 0:
@@ -437,7 +449,7 @@ class Run(Hints, Recorded, Handle):
             "success": self.success,
             "t_start": self.t_start,
             "t_end": self.t_end,
-            "x_end": self.x_end,
+            "x_end": self._last,
             "switch_times": self.switch_times,
             "steps": self.stats.steps,
             "time_total": self.stats.time_total,

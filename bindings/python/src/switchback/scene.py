@@ -87,10 +87,7 @@ class _ContactSystem(Named):
     _layout: Any = None  # of a World: where its bodies are
 
     def _begin(self, create: Any, sizes: Sequence[int], states: int, controls: list[str], parameters: list[str]) -> None:
-        given = [n for group in self.names for n in group if n]
-        for n in given:
-            if given.count(n) > 1:
-                raise ArgumentError(f"two variables are called '{n}'")
+        self._refuse_twice()
         self.graph = Graph()
         self.x = self.graph.inputs("x", states)
         self.nx, self.nu, self.np = states, len(controls), len(parameters)
@@ -206,6 +203,7 @@ class Scene(_ContactSystem):
             raise DimensionError("a scene needs at least one coordinate and one velocity")
         self._begin(lib.swb_scene_create, (self.n_q, self.n_v, nu, np), self.n_q + self.n_v, *self.names[2:])
         self.q, self.v = self.x[: self.n_q], self.x[self.n_q :]
+        self._warn_hidden(besides=("x",))  # coordinates are written s.q; a state array in the place of x has the wrong shape
 
     def rates(self, values: Any) -> None:
         """Set the rates of the coordinates, one for each, linear in the velocities; by default they are the velocities."""

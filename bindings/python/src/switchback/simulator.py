@@ -18,8 +18,8 @@ from ._names import named_vector
 from ._solver import Solver
 from .expr import Model, system_of
 from .function import Function
-from .recorded import OverElements
-from .results import HasOutcome, OnIteration, OnLog, Residuals, Stats
+from .recorded import EndState, OverElements
+from .results import HasOutcome, OnIteration, OnLog, Residuals, Stats, outcome_name
 from .settings import Settings
 from .system import System
 from .trajectory import Trajectory
@@ -133,7 +133,7 @@ class SimulationResult(OverElements, HasOutcome):
 
     outcome: Outcome
     time: float
-    state: Array
+    state: Any = EndState()
     trajectory: Trajectory
     residuals: Residuals
     stats: Stats
@@ -142,12 +142,18 @@ class SimulationResult(OverElements, HasOutcome):
     #: The system that was simulated.
     system: Any = field(default=None, repr=False)
 
+    def _early(self) -> str:
+        given = self.__dict__
+        if given.get("outcome", Outcome.SOLVED) == Outcome.SOLVED:
+            return ""
+        return f"at t = {given['time']:.9g}: {self.message}"
+
     def _facts(self) -> dict[str, Any]:
         return {
-            "outcome": self.message,
+            "outcome": outcome_name(self.outcome),
             "success": self.success,
             "time": self.time,
-            "state": self.state,
+            "state": self.__dict__["state"],
             "switch_times": self.trajectory.switch_times,
             "iterations": self.stats.iterations,
             "time_total": self.stats.time_total,
@@ -155,7 +161,7 @@ class SimulationResult(OverElements, HasOutcome):
 
     def __repr__(self) -> str:
         n = self.trajectory.n_elements
-        return f"<SimulationResult {self.message} at t={self.time:g}, {n} elements, {len(self.trajectory.switches)} switches>"
+        return f"<SimulationResult {outcome_name(self.outcome)} at t={self.time:g}, {n} elements, {len(self.trajectory.switches)} switches>"
 
 
 def simulate_fesd(

@@ -90,7 +90,7 @@ class Simulation:
         run = simulate(self._system, x0, self.t_span, u=u if u.size else None, p=p if p.size else None, **options)
         if self.outputs is not None:
             return dict(self.outputs(run))
-        ends = {f"{name}_end": float(v) for name, v in zip(self.names[0], run.x_end)}
+        ends = {f"{name}_end": float(v) for name, v in zip(self.names[0], run._last)}
         return {**ends, "t_end": run.t_end, "switches": len(run.switches), "success": run.success}
 
 

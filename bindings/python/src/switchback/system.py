@@ -73,6 +73,13 @@ class System(Handle):
     def _function(self, f: Any, n_out: int | tuple[int, ...], name: str) -> Function:
         return Function._of(f, (self.nx, self.nu, self.np), n_out, name)
 
+    def _switching(self, f: Any, n_out: int, name: str) -> Function:
+        """Functions whose signs decide; constants have none that changes."""
+        made = self._function(f, n_out, name)
+        if not isinstance(f, Function):
+            made._require_rows(name, "modes change where it passes zero; give a function of the states, as lambda x: x[0] - 1")
+        return made
+
     def set_f0(self, f0: Any) -> None:
         """Set the part of the right-hand side that does not switch: nx outputs."""
         f = self._function(f0, self.nx, "f0")
@@ -110,7 +117,7 @@ class System(Handle):
         packed = numpy.ascontiguousarray(matrix, dtype=numpy.int8)
         chosen = self._rows(rows)
         f = self._function(modes, (n_modes, len(chosen)), "modes")
-        g = self._function(psi, n_psi, "psi")
+        g = self._switching(psi, n_psi, "psi")
         number = ctypes.c_int64()
         self._do(
             "add_subsystem",
@@ -145,6 +152,8 @@ class System(Handle):
         count = index(n_modes, "n_modes")
         f = self._function(modes, (count, len(chosen)), "modes")
         g = self._function(indicators, count, "indicators")
+        if not g.jacobian_pattern[0].size and not isinstance(indicators, Function):
+            raise ArgumentError("indicators are constants: the smallest one tells the mode; give functions of the states")
         number = ctypes.c_int64()
         self._do("add_subsystem_indicators", address(chosen), len(chosen), f, count, g, ctypes.byref(number))
         return self._added(number, f, g)
@@ -156,7 +165,7 @@ class System(Handle):
         The function sees x and alpha as one array of nx + n_psi states. Returns the number of the inclusion.
         """
         chosen, count = self._rows(rows), index(n_psi, "n_psi")
-        c = self._function(psi, count, "psi")
+        c = self._switching(psi, count, "psi")
         g = Function._of(f, (self.nx + count, self.nu, self.np), len(chosen), "f")
         number = ctypes.c_int64()
         self._do("add_inclusion", address(chosen), len(chosen), g, c, ctypes.byref(number))
@@ -183,7 +192,7 @@ class System(Handle):
         outputs, and the states in `to` get their values. States in `when` and `to` are discrete: their derivative is zero.
         The rules are those of `Model.transition`.
         """
-        g = self._function(guard, 1, "guard")
+        g = self._switching(guard, 1, "guard")
         after = None if reset is None else self._function(reset, self.nx, "reset")
         lists = []
         for what, given in (("when", when), ("to", to)):
