@@ -45,8 +45,16 @@ Base.float(x::Expression) = x
 Base.iszero(x::Expression) = isnumber(x) && iszero(x.number)
 Base.isone(x::Expression) = isnumber(x) && isone(x.number)
 Base.hash(x::Expression, h::UInt) = isnumber(x) ? hash(x.number, h) : hash(x.id, hash(objectid(x.graph), h))
-Base.:(==)(a::Expression, b::Expression) = # of expressions, not of their values
-    a.graph === b.graph && (isnumber(a) ? a.number == b.number : a.id == b.id)
+Base.isequal(a::Expression, b::Expression) = # of expressions, not of their values
+    a.graph === b.graph && (isnumber(a) ? isequal(a.number, b.number) : a.id == b.id)
+function Base.:(==)(a::Expression, b::Expression)
+    isnumber(a) && isnumber(b) && return a.number == b.number
+    isequal(a, b) || mistake(:unsupported, "$(isnumber(a) ? b : a) == ... is no condition: values are equal at single moments only, where a ",
+        "model cannot switch. Compare by < or >: when(a > b, ...) on either side of a value, when(abs(a - b) < width, ...) near it, ",
+        "when(w > 0.5, ...) for a discrete state w; what happens as a value is reached is a transition. Whether two expressions ",
+        "are the same one is isequal(a, b)")
+    return true
+end
 
 function Base.Float64(x::Expression)
     isnumber(x) || mistake(:unsupported, "the expression $x has no value before the model runs")

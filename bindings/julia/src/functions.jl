@@ -448,12 +448,27 @@ function affine(constant, matrix = nothing; nx, nu = 0, np = 0, name = "affine")
     all(isfinite, a) && all(isfinite, b) || mistake(:range, "constant and matrix of '$name' must be finite")
     wide = spzeros(n, n_in)
     wide[:, 1:size(a, 2)] = sparse(Float64.(a))
+    length(b) + nnz(wide) <= MOST_EXPRESSIONS && return affine_expressions(b, wide, (nx, nu, np), name)
     names = any(!iszero, wide) ? BLOCKS : ()
     entries = copy(nonzeros(wide))
     value = isempty(names) ? (() -> b) : ((x, u, p, t) -> b + wide * [x; u; p; t])
     caller = Caller(value, BLOCKS, (), names, "function '$name'")
     jac = isempty(entries) ? nothing : (() -> entries)
     return build(caller, collect(Symbol, names), (nx, nu, np, n), jac, isempty(entries) ? nothing : wide, nothing, nothing, true, name)
+end
+
+const MOST_EXPRESSIONS = 100_000 # numbers of an affine function above which Julia is faster than expressions
+
+"b + a z as expressions: no Julia runs while they are evaluated, and any thread may do it."
+function affine_expressions(b, a, sizes, name)
+    graph = Graph()
+    blocks = (Lib.SWB_INPUT_X, Lib.SWB_INPUT_U, Lib.SWB_INPUT_P, Lib.SWB_INPUT_T)
+    z = reduce(vcat, [inputs(graph, block, 0, k) for (block, k) in zip(blocks, (sizes..., 1))])
+    out = Expression[Expression(v) for v in b]
+    for j in axes(a, 2), l in nzrange(a, j)
+        iszero(nonzeros(a)[l]) || (out[rowvals(a)[l]] += nonzeros(a)[l] * z[j])
+    end
+    return expression_function(graph, out, sizes, length(out), name)
 end
 
 """
@@ -494,6 +509,21 @@ function function_of(f, sizes, outputs, name, graph = nothing)
     flatten!(values, f, name)
     length(values) == n || mistake(:dimension, "$name has $(length(values)) numbers, expected $n")
     return affine(values; nx = sizes[1], nu = sizes[2], np = sizes[3], name = name)
+end
+
+"Refuse outputs that are constants though a function of the model is meant."
+function require_rows(f, what, instead)
+    pointers, rows = entries(f, Lib.swb_function_jacobian_pattern, 1)
+    still = setdiff(1:f.outputs, rows)
+    isempty(still) || mistake(:range, f.outputs > 1 ? "$what[$(first(still))]" : what, " is a constant: ", instead)
+    return f
+end
+
+"Functions whose signs decide; constants have none that changes."
+function switching_of(f, sizes, outputs, name)
+    g = function_of(f, sizes, outputs, name)
+    f isa ModelFunction && return g
+    return require_rows(g, name, "modes change where it passes zero; give a function of the states, as x -> x[1] - 1")
 end
 
 is_callable(f) = !(f isa Union{Number,AbstractArray,Tuple,AbstractString,Symbol,Nothing,Handle}) && !isempty(methods(f))

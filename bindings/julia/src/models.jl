@@ -37,11 +37,28 @@ variable_names(v::AbstractString, what) = String.(split(replace(v, "," => " ")))
 variable_names(v::Union{Tuple,AbstractVector}, what) = String[plain(name, "a name of $what") for name in v]
 variable_names(v, what) = mistake(:range, "$what must be names or their number, not $(repr(v))")
 
-function Model(; states, controls = 0, parameters = 0, name = "model")
-    names = (variable_names(states, "states"), variable_names(controls, "controls"), variable_names(parameters, "parameters"))
+function refuse_twice(names)
     given = filter(!isempty, vcat(names...))
     allunique(given) || mistake(:range, "two variables of the model have one name: $(join(given, ", "))")
-    return empty_model(Graph(), names, name)
+end
+
+"Warn of variables that `model.name` does not mean, because the name is that of a field: `model.t` is the time."
+function warn_hidden(names, m)
+    for (block, own) in zip((:x, :u, :p), names), name in own
+        field = Symbol(name)
+        # a block that holds nothing but the variable of its name hides nothing
+        (isempty(name) || !hasfield(typeof(m), field) || (block === field && length(own) == 1)) && continue
+        what = get(Dict(:x => "all states", :u => "all controls", :p => "all parameters", :t => "the time"), field, "something else")
+        @warn "'$name' is the name of a variable, but model.$name is $what: write model[:$name] for the variable, or call it otherwise"
+    end
+end
+
+function Model(; states, controls = 0, parameters = 0, name = "model")
+    names = (variable_names(states, "states"), variable_names(controls, "controls"), variable_names(parameters, "parameters"))
+    refuse_twice(names)
+    m = empty_model(Graph(), names, name)
+    warn_hidden(names, m)
+    return m
 end
 
 function empty_model(graph, names, name)
@@ -70,7 +87,7 @@ end
 
 "The place of a state, given by itself or by its name."
 function state_place(m::Model, state)
-    k = state isa Expression ? findfirst(==(state), m.x) : findfirst(==(plain(state, "a state")), m.names[1])
+    k = state isa Expression ? findfirst(x -> isequal(x, state), m.x) : findfirst(==(plain(state, "a state")), m.names[1])
     k === nothing && mistake(:range, "$state is no state of the model, only $(join((named_text(m, x) for x in m.x), ", "))")
     return k
 end

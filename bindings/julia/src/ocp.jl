@@ -27,6 +27,9 @@ mutable struct Ocp <: AnyOcp
     names::NTuple{3,Vector{String}}
     iteration::Monitor
     log::Monitor
+    starts::Bool # something was said of the initial state; what documents do not say was meant
+
+    Ocp(fields...) = new(fields..., true)
 end
 
 sizes(o::Ocp) = (o.nx, o.nu, o.np)
@@ -41,6 +44,7 @@ function Ocp(system, horizon, n_stages; lagrange = nothing, mayer = nothing, ini
     graph = system isa Model ? system.graph : nothing
     o = watched(Ocp(address, 0, sizes(s)..., n, length_, 0.0, s.serial, graph, s.names, Monitor(nothing), Monitor(nothing)),
                 on_iteration, on_log)
+    o.starts = false
     given(set, v) = v === nothing || set(v)
     given(f -> set_lagrange!(o, f), lagrange)
     given(f -> set_mayer!(o, f), mayer)
@@ -75,6 +79,7 @@ function add_rows!(add, o, f, lower, upper, what, name, sizes_ = sizes(o))
     n = row_count(f, lower, upper, what)
     low, high = bounds(lower, upper, n, "bounds of a $what")
     g = function_of!(o, f, n, name, sizes_)
+    f isa ModelFunction || require_rows(g, name, "give a function or expression of the model and its bounds")
     using_object(() -> add(g, low, n, high, n), o)
     return o
 end
@@ -97,6 +102,7 @@ Set the terminal cost, one output; its control is that of the last stage.
 """
 function set_mayer!(o::Ocp, f)
     g = function_of!(o, f, 1, "mayer")
+    f isa ModelFunction || f === 0 || f === 0.0 || require_rows(g, "mayer", "the cost at the end is a function or expression of the model")
     using_object(() -> Lib.swb_ocp_set_mayer(o, g), o)
     return o
 end
@@ -126,9 +132,11 @@ add_terminal!(o::Ocp, f, lower = nothing, upper = nothing) =
 Add lower <= f(x, u, p, t) <= upper between both ends of the horizon: x holds the initial state, then the final one. For
 models see `between_ends`.
 """
-add_boundary!(o::Ocp, f, lower = nothing, upper = nothing) =
-    add_rows!((rows...) -> Lib.swb_ocp_add_boundary(o, rows...), o, f, lower, upper, "boundary constraint", "boundary",
-              (2o.nx, o.nu, o.np))
+function add_boundary!(o::Ocp, f, lower = nothing, upper = nothing)
+    o.starts = true
+    return add_rows!((rows...) -> Lib.swb_ocp_add_boundary(o, rows...), o, f, lower, upper, "boundary constraint", "boundary",
+                     (2o.nx, o.nu, o.np))
+end
 
 """
     add_periodic!(ocp, states = all)
@@ -138,6 +146,7 @@ Require that states, given by number or name, have the same values at both ends 
 function add_periodic!(o::Ocp, states = 1:o.nx)
     chosen = Int64.(places(states, o.names[1], "states") .- 1)
     check(Lib.swb_ocp_add_periodic(o, chosen, length(chosen)))
+    o.starts = true
     return o
 end
 
@@ -214,6 +223,7 @@ for (name, set, block, what, effect) in (
             names = o.names[$block]
             low, high = bounds(lower, upper, length(names), "bounds " * $what, names)
             check(Lib.$set(o, low, length(low), high, length(high)))
+            o.starts |= $(name === :set_initial_bounds!)
             return o
         end
     end
@@ -237,7 +247,10 @@ end
 
 Fix the initial state.
 """
-set_initial_state!(o::Ocp, x0) = give(Lib.swb_ocp_set_initial_state, o, named_vector(x0, o.names[1], "x0"))
+function set_initial_state!(o::Ocp, x0)
+    o.starts = true
+    return give(Lib.swb_ocp_set_initial_state, o, named_vector(x0, o.names[1], "x0"))
+end
 
 """
     set_initial_time!(ocp, t0)
@@ -411,6 +424,8 @@ Solve; `warm`: from the last solution, whose active set is tried first. Look at 
 another one than solved.
 """
 function solve!(o::Ocp; warm = false)
+    o.starts || @warn "nothing is said of the initial state, so the solver chooses it: give initial_state = [...], or initial_bounds = (lower, upper) where it is free"
+    o.starts = true # once
     solve = warm ? Lib.swb_ocp_solve_warm : Lib.swb_ocp_solve
     using_object(() -> solve(o, C_NULL), o)
     return result(o)

@@ -204,7 +204,7 @@ State that a coordinate, given by itself, its name or its number, stays between 
 left out (see `report`). A simulation that leaves the bounds ends with an error. `-Inf` and `Inf` say nothing about their side.
 """
 function set_bounds!(s::Scene, coordinate, low, high)
-    k = coordinate isa Expression ? findfirst(==(coordinate), s.q) : place_of(coordinate, s.names[1], "coordinates")
+    k = coordinate isa Expression ? findfirst(x -> isequal(x, coordinate), s.q) : place_of(coordinate, s.names[1], "coordinates")
     k === nothing && mistake(:range, "$coordinate is no coordinate of the scene")
     check(Lib.swb_scene_set_bounds(s, k - 1, number(low, "low"), number(high, "high")))
     s.current = false

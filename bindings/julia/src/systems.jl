@@ -82,7 +82,7 @@ function add_subsystem!(s::System; modes, psi, signs, rows = nothing)
     n_modes, n_psi = size(matrix)
     chosen = row_numbers(rows, s.nx)
     f = function_of(modes, sizes(s), (length(chosen), n_modes), "modes")
-    g = function_of(psi, sizes(s), n_psi, "psi")
+    g = switching_of(psi, sizes(s), n_psi, "psi")
     packed = vec(permutedims(Int8.(matrix))) # row after row
     number = Ref{Int64}()
     guarded(() -> Lib.swb_system_add_subsystem(s, chosen, length(chosen), f, n_modes, g, packed, length(packed), number))
@@ -121,7 +121,7 @@ Add `f` to the derivatives of the states `rows`, where `alpha` is the set-valued
 """
 function add_inclusion!(s::System; f, psi, n_psi = 1, rows = nothing)
     chosen, n = row_numbers(rows, s.nx), integer(n_psi, "n_psi")
-    c = function_of(psi, sizes(s), n, "psi")
+    c = switching_of(psi, sizes(s), n, "psi")
     g = function_of(f, (s.nx + n, s.nu, s.np), length(chosen), "f")
     number = Ref{Int64}()
     guarded(() -> Lib.swb_system_add_inclusion(s, chosen, length(chosen), g, c, number))

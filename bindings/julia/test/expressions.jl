@@ -20,7 +20,7 @@ point = (0.3, -0.7, 1.9)
     @test at(m.t * m[:k] + m[:u]) ≈ 0.8 * 2.5 + 0.4
     # numbers stay numbers until they meet an expression
     @test Swb.Expression(2) + Swb.Expression(3) == Swb.Expression(5) && sqrt(Swb.Expression(4)) == 2
-    @test a + b == a + b && a + b != b + c && hash(a * b) == hash(a * b) && a + 0 == a && iszero(zero(a))
+    @test a + b == a + b && isequal(a + b, b + a) && !isequal(a + b, b + c) && hash(a * b) == hash(a * b) && a + 0 == a && iszero(zero(a))
     @test Float64(Swb.Expression(2.5)) == 2.5 && Swb.Expression(1) < Swb.Expression(2) && isless(Swb.Expression(1), Swb.Expression(2))
 end
 

@@ -129,3 +129,38 @@ end
     @test refused(() -> Mpcc(2, "f"), :range) && refused(() -> solve!(Mpcc(2, f); warm = true), :state)
     @test refused(() -> Mpcc(2, f; names = ["a\0b", "c"]), :range, "NUL")
 end
+
+@testset "wrong without a word" begin
+    k = Model(states = (:q, :v, :w))
+    q, v, w = k.x
+    for wrong in (() -> q == 0, () -> 0 == q, () -> q != 1.5, () -> when(q == v, 1, 2), () -> when(2q == 1, v, w), () -> when((q > 0) & (v == w), 1, 2))
+        @test refused(wrong, :unsupported, "Compare by < or >", "isequal")
+    end
+    @test Dict(q => 1)[k[:q]] == 1 && length(Set([q, k.x[1], v])) == 2 && q == k[:q] && v in k.x
+    # names
+    @test_logs (:warn, r"'x' .* all states") (:warn, r"'t' .* the time") Model(states = (:x, :t))
+    @test_logs (:warn, r"'x' .* all states") Model(states = (:k,), parameters = (:x,))
+    @test_logs Model(states = (:x,), controls = (:u,), parameters = (:p,))
+    # constants in the place of functions
+    for constant in (1.0, [2.0], () -> 3.0)
+        @test refused(() -> add_subsystem!(System(1); modes = [[1.0], [-1.0]], psi = constant, signs = [1, -1]), :range, "psi is a constant")
+        @test refused(() -> add_terminal!(tutorial(), constant, 0, 1), :range, "terminal is a constant")
+        @test refused(() -> set_mayer!(tutorial(), constant), :range, "mayer is a constant")
+    end
+    # constants stay constants: no Julia runs, and threads may do it
+    for modes in ([[-3.0], [1.0]], [-3.0 1.0])
+        s1 = System(1)
+        add_subsystem!(s1; modes = modes, psi = affine(0.0, [1.0]; nx = 1), signs = [1, -1])
+        @test !s1.serial && abs(simulate(s1, [1.5], 1.0).u[end][1]) < 1e-9
+        @test simulate(s1, [-1.5], 1.0).u[end] ≈ [-0.5]
+    end
+    f = affine([1.0, 2.0], [1 0 3 0; 0 4 0 5]; nx = 2, nu = 1, np = 0)
+    @test f([1, 2]; u = [3], t = 2.0) == [11.0, 20.0] && jacobian_at(f, [1, 2]; u = [3]) == [1 0 3 0; 0 4 0 5]
+    # a free initial state
+    k = Model(states = (:q,), controls = (:F,))
+    derivatives!(k, [k.u[1]])
+    problem(; given...) = Ocp(k, 1.0, 2; lagrange = k.u[1]^2 + k.x[1]^2, given...)
+    @test_logs (:warn, r"give initial_state") solve!(problem())
+    @test_logs solve!(problem(initial_state = [1.0]))
+    @test_logs solve!(problem(initial_bounds = ([1.0], [2.0])))
+end
