@@ -306,10 +306,11 @@ class ClosedLoop(Recorded):
 
     def _facts(self) -> dict[str, Any]:
         worst = {"preparation_worst": self.preparation.max(initial=0.0), "feedback_worst": self.feedback.max(initial=0.0)}
-        return {"samples": len(self.u), "cost": self.cost, **worst}
+        return {"samples": len(self.u), **({} if numpy.isnan(self.cost) else {"cost": self.cost}), **worst}
 
     def __repr__(self) -> str:
-        return f"<ClosedLoop of {len(self.u)} samples from {self.t[0]:g} to {self.t[-1]:g}, cost {self.cost:.6g}>"
+        priced = "" if numpy.isnan(self.cost) else f", cost {self.cost:.6g}"
+        return f"<ClosedLoop of {len(self.u)} samples from {self.t[0]:g} to {self.t[-1]:g}{priced}>"
 
     def plot(self, path: Any = None, names: Any = None) -> Any:
         """States above controls over time, written to `path` if one is given. Needs matplotlib."""

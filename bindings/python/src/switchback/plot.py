@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Mapping
 from typing import Any, Sequence
 
 import numpy
 
 from ._ffi import ContactMode, EventKind
+from ._names import filled
 from ._regions import mode_names
 from .automaton import place_of
 from .errors import ArgumentError, DimensionError, StateError
@@ -162,12 +164,41 @@ def _steps(ax: Any, times: numpy.ndarray, controls: numpy.ndarray, names: Sequen
     """Controls that are constant between times."""
     for column, label in zip(controls.T, names):
         ax.stairs(column, times, baseline=None, label=label, linewidth=1.5)
-    ax.set_ylabel("controls" if len(names) != 1 else f"control {names[0]}")
+    ax.set_ylabel("controls")
     _legend(ax, len(names))
+
+
+#: Switches, and intervals of a mode, that are drawn one by one. More cannot be told apart in a picture of this width: their
+#: marks are left out, and bands and shades are drawn as one image instead of thousands of shapes.
+_MOST_MARKS = 400
+
+
+def _marks(ax: Any, run: Run, at: numpy.ndarray, chosen: Sequence[int], colors: Sequence[Any]) -> None:
+    """A mark at every switch on the curves of the chosen states; `at` are the states there."""
+    for kind, mark in _MARKS.items():
+        own = [i for i, s in enumerate(run.switches) if s.kind == kind]
+        for i, color in zip(chosen if own else (), colors):
+            ax.plot(run.switch_times[own], at[own, i], mark, color=color, markersize=5, linestyle="none")
+
+
+def _joined(spans: Sequence[tuple[float, float]], width: float) -> list[tuple[float, float]]:
+    """Intervals, as start and length, less than `width` apart as one."""
+    joined: list[tuple[float, float]] = []
+    for start, length in spans:
+        if joined and start - sum(joined[-1]) <= width:
+            joined[-1] = joined[-1][0], start + length - joined[-1][0]
+        else:
+            joined.append((start, length))
+    return joined
 
 
 def _shade(ax: Any, spans: Sequence[tuple[float, float]]) -> None:
     """Grey where a subsystem slides."""
+    if len(spans) > _MOST_MARKS:
+        ax.broken_barh(
+            [(a, b - a) for a, b in spans], (0, 1), transform=ax.get_xaxis_transform(), color="0.5", alpha=0.12, linewidth=0.0, rasterized=True
+        )
+        return
     for a, b in spans:
         ax.axvspan(a, b, color="0.5", alpha=0.12, linewidth=0.0)
 
@@ -225,16 +256,18 @@ def plot_run(
     )
     marks = sorted({i.t for i in run.impacts})
     before = run(numpy.array(marks)) if marks else None
+    few = len(run.switches) <= _MOST_MARKS
+    at = run(run.switch_times) if scene is None and run.switches and few else None
     for ax, (what, own) in zip(axes[:, 0], groups):
-        for i in own:
-            line = _line(ax, t, x[:, i], jumps, label=known[i])
-            if scene is None:
-                for s in run.switches:
-                    ax.plot(s.t, run(s.t)[i], _MARKS[s.kind], color=line.get_color(), markersize=5)
-            elif before is not None:
-                ax.plot(marks, before[:, i], "o", color=line.get_color(), markersize=3)
+        lines = [_line(ax, t, x[:, i], jumps, label=known[i]) for i in own]
+        colors = [line.get_color() for line in lines]
+        if at is not None:
+            _marks(ax, run, at, own, colors)
+        elif before is not None:
+            for i, color in zip(own, colors):
+                ax.plot(marks, before[:, i], "o", color=color, markersize=3)
         ax.set_ylabel(what)
-        _legend(ax, len(own) if scene is None else max(len(own), 2))
+        _legend(ax, len(own))
     if bands is not None and n_modes:
         _draw_contact_bands(axes[-1, 0], run, bands)
     elif n_modes:
@@ -246,13 +279,14 @@ def plot_run(
         ax.grid(**_GRID)
         ax.set_axisbelow(True)
         _shade(ax, sliding)
-        if scene is None:
+        if scene is None and few:
             for switch_time in run.switch_times:
                 ax.axvline(switch_time, color="0.5", linestyle=":", linewidth=0.8)
     axes[-1, 0].set_xlabel("time")
     axes[-1, 0].set_xlim(run.t_start, run.t_end)
-    if title:
-        figure.suptitle(title)
+    said = [] if few or scene is not None else [f"{len(run.switches)} switches, without marks"]
+    if title or said:
+        figure.suptitle("\n".join([title] * bool(title) + said), fontsize=None if title else "small")
     return _finish(figure, path)
 
 
@@ -405,12 +439,9 @@ def _bands(ax: Any, run: Run) -> None:
     for k, n in enumerate(run.n_modes):
         spans = run.active(k)
         for i in range(n):
-            ax.broken_barh(
-                [(a, b - a) for a, b, on in spans if i in on],
-                (len(labels) - 0.4, 0.8),
-                facecolor=f"C{k % 10}",
-                alpha=0.8,
-            )
+            own = _joined([(a, b - a) for a, b, on in spans if i in on], 0.0)
+            many = len(own) > _MOST_MARKS
+            ax.broken_barh(own, (len(labels) - 0.4, 0.8), facecolor=f"C{k % 10}", alpha=0.8, linewidth=0.0 if many else None, rasterized=many)
             labels.append(_mode_label(words, k, i))
     ax.set_yticks(range(len(labels)), labels, fontsize="x-small")
     ax.set_ylim(-0.6, len(labels) - 0.4)
@@ -430,7 +461,7 @@ def plot_phase(
     p: Any = None,
 ) -> Any:
     """Plot two states of an event-driven simulation against each other, over the switching surfaces: the zeros of the
-    switching functions where the other states, controls `u`, parameters `p` and the time are those of the end. The
+    switching functions where the other states, controls `u`, parameters `p` and the time are those of the end of the run. The
     marks are those of `plot_run`, a cross is the start; jumps, and impacts of a scene, are dotted.
 
     `states` are numbers, names or expressions; `grid` is the number of points in each direction where the surfaces are
@@ -442,15 +473,21 @@ def plot_phase(
         raise DimensionError(f"states must be two of the {run.nx} states, not {list(states)}")
     _, x, jumps = _curve(run, points)
     plt = _pyplot()
+    u = run._u[-1] if u is None and run._u is not None and len(run._u) else u
+    p = run._p if p is None else p
+    if isinstance(u, Mapping) or isinstance(p, Mapping):
+        u, p = (filled(v, known, what) for v, known, what in ((u, run.system._names[1], "u"), (p, run.system._names[2], "p")))
     figure, ax = plt.subplots(figsize=(6.4, 5.6), layout="constrained")
     a, b = chosen
     _line(ax, x[:, a], x[:, b], jumps, color="C0")
     ax.plot(x[0, a], x[0, b], "x", color="C0", markersize=7)
     if getattr(run.system, "_scene", None) is not None:
         ax.plot(x[jumps, a], x[jumps, b], "o", color="C3", markersize=3)
-    for s in run.switches if getattr(run.system, "_scene", None) is None else ():
-        at = run(s.t)
-        ax.plot(at[a], at[b], _MARKS[s.kind], color="C3", markersize=5)
+    if getattr(run.system, "_scene", None) is None and 0 < len(run.switches) <= _MOST_MARKS:
+        at = run(run.switch_times)
+        for kind, mark in _MARKS.items():
+            own = [i for i, s in enumerate(run.switches) if s.kind == kind]
+            ax.plot(at[own, a], at[own, b], mark, color="C3", markersize=5, linestyle="none")
     ax.margins(0.12)
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
     horizontal, vertical = numpy.linspace(left, right, grid), numpy.linspace(bottom, top, grid)
@@ -519,5 +556,5 @@ def _modes(ax: Any, r: Trajectory, words: Sequence[Sequence[str]]) -> None:
 
 
 def _legend(ax: Any, count: int) -> None:
-    if 1 < count <= 12:
+    if 0 < count <= 12:
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="small", frameon=False)
