@@ -3931,6 +3931,15 @@ SWB_API
 int64_t swb_live_objects(void);
 
 /**
+ * Say that the failure of the last call of this thread that set or added something was dealt with: the object runs without
+ * what failed. Else an object for which such a call failed refuses to run, with the first error.
+ *
+ * Bindings that throw an exception call it there, and programs that go on after a failure. Does nothing after a success.
+ */
+SWB_API
+void swb_error_handled(void);
+
+/**
  * General message of a status code; "unknown status" for any other number. Never NULL, static.
  */
 SWB_API const char *swb_status_string(int32_t status);

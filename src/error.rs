@@ -62,6 +62,24 @@ impl Error {
             Error::Internal(_) => -99,
         }
     }
+
+    /// The same error with other words.
+    pub(crate) fn with_text(&self, text: impl FnOnce(&str) -> String) -> Error {
+        match self {
+            Error::Null(s) => Error::Null(text(s)),
+            Error::Dimension(s) => Error::Dimension(text(s)),
+            Error::Range(s) => Error::Range(text(s)),
+            Error::State(s) => Error::State(text(s)),
+            Error::Unsupported(s) => Error::Unsupported(text(s)),
+            Error::Option(s) => Error::Option(text(s)),
+            Error::User { code, what } => Error::User { code: *code, what: text(what) },
+            Error::NonFinite(s) => Error::NonFinite(text(s)),
+            Error::Numeric(s) => Error::Numeric(text(s)),
+            Error::Library(s) => Error::Library(text(s)),
+            Error::Internal(s) => Error::Internal(text(s)),
+            Error::Interrupted | Error::OutOfTime => self.clone(),
+        }
+    }
 }
 
 impl fmt::Display for Error {

@@ -36,6 +36,7 @@ pub unsafe extern "C" fn swb_batch_create(
         handle::create(out, |interrupt| {
             let settings = settings::read(settings)?;
             settings.validate()?;
+            handle::require(system)?;
             let system = handle::with_ref(system, |s| Ok(s.clone()))?;
             Batch::new(system, &settings, interrupt)
         })

@@ -1,7 +1,7 @@
 //! What the last solve of a program says about itself: names, worst violations, statistics, reports.
 
 use super::guard::{guard, query};
-use super::handle;
+use super::handle::{self, setting};
 use super::mpcc::{swb_mpcc, Outcome1, Program};
 use super::raw;
 use super::report::{swb_linear_stats, swb_residuals, write_sized};
@@ -437,7 +437,7 @@ pub unsafe extern "C" fn swb_mpcc_set_name(
     index: i64,
     name: *const c_char,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         let name = if name.is_null() { None } else { Some(raw::text(name, "name")?) };
         handle::with_mut(mpcc, |p| {
             let kind = swb_item::of(kind)?;
@@ -461,7 +461,7 @@ pub unsafe extern "C" fn swb_mpcc_set_names(
     names: *const *const c_char,
     n: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         let names = raw::slice(names, n, "names")?;
         let mut texts = Vec::with_capacity(names.len());
         for (i, &name) in names.iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use super::expr::{ids, swb_expr, swb_model};
 use super::guard::guard;
-use super::handle;
+use super::handle::{self, running};
 use super::raw;
 use super::report::{write_sized, Sized8};
 use super::scene::swb_scene;
@@ -142,7 +142,7 @@ pub unsafe extern "C" fn swb_scene_freeze(
     layout_size: u64,
     out: *mut *mut swb_model,
 ) -> swb_status {
-    guard(|| unsafe {
+    running(scene, || unsafe {
         handle::create(out, |_| {
             let mut options = swb_freeze_options::read(options)?;
             options.at = raw::slice(at, n_at, "at")?.to_vec();

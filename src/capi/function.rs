@@ -1,7 +1,7 @@
 //! User functions: C callbacks with `user_data` as [`crate::func::Function`] objects.
 
 use super::guard::guard;
-use super::handle::{self, Object};
+use super::handle::{self, setting, Object};
 use super::raw;
 use super::status::swb_status;
 use crate::error::{Error, Result};
@@ -318,7 +318,10 @@ pub unsafe fn shared(f: *const swb_function, what: &str) -> Result<SharedFunctio
 
 /// [`shared`] where the function may have kinks.
 pub unsafe fn shared_cost(f: *const swb_function, what: &str) -> Result<SharedFunction> {
-    raw::check(f, what)?;
+    if f.is_null() {
+        return Err(Error::Null(format!("{what} is NULL{}", handle::why_null::<swb_function>())));
+    }
+    handle::require(f)?;
     unsafe {
         handle::with_ref(f, |f| {
             let callback = f.callback()?.clone();
@@ -436,7 +439,7 @@ pub unsafe extern "C" fn swb_function_set_jacobian(
     nnz: i64,
     jacobian: swb_jacobian_fn,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(f, || unsafe {
         handle::with_mut(f, |f| {
             let f = f.open()?;
             let what = format!("Jacobian of '{}'", f.name);
@@ -463,7 +466,7 @@ pub unsafe extern "C" fn swb_function_set_hessian(
     nnz: i64,
     hessian: swb_hessian_fn,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(f, || unsafe {
         handle::with_mut(f, |f| {
             let f = f.open()?;
             let what = format!("Hessian of '{}'", f.name);
@@ -484,7 +487,7 @@ pub unsafe extern "C" fn swb_function_set_hessian(
 /// @return SWB_OK; SWB_ERR_STATE if the function belongs to a model already
 #[no_mangle]
 pub unsafe extern "C" fn swb_function_set_linear(f: *mut swb_function) -> swb_status {
-    guard(|| unsafe {
+    setting(f, || unsafe {
         handle::with_mut(f, |f| {
             let f = f.open()?;
             f.hessian = None;
@@ -501,7 +504,7 @@ pub unsafe extern "C" fn swb_function_set_linear(f: *mut swb_function) -> swb_st
 ///         model already
 #[no_mangle]
 pub unsafe extern "C" fn swb_function_set_inputs(f: *mut swb_function, inputs: i32) -> swb_status {
-    guard(|| unsafe {
+    setting(f, || unsafe {
         handle::with_mut(f, |f| {
             let f = f.open()?;
             if !(0..16).contains(&inputs) {
@@ -532,7 +535,7 @@ pub unsafe extern "C" fn swb_function_set_inputs(f: *mut swb_function, inputs: i
 ///         was made by the library
 #[no_mangle]
 pub unsafe extern "C" fn swb_function_set_flags(f: *mut swb_function, flags: i32) -> swb_status {
-    guard(|| unsafe {
+    setting(f, || unsafe {
         handle::with_mut(f, |f| {
             let f = f.open()?;
             let serial = swb_function_flag::SWB_SERIAL as i32;

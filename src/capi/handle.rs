@@ -6,16 +6,16 @@
 //! into its own object, or a second thread that should not be there, gets [`Error::State`]. A panic inside an exclusive
 //! use leaves the object unusable, except for [`free`].
 
-use super::guard::{caught, query, remember, remember_constant};
+use super::guard::{caught, guard, query, remember, remember_constant};
 use super::raw;
 use super::slots::{Kind, Refusal, Slot, OBJECTS};
 use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::memory;
-use std::cell::UnsafeCell;
+use std::cell::{Cell, RefCell, UnsafeCell};
 use std::ptr;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// An exported marker type, opaque in the header, and the value behind it.
 pub trait Object {
@@ -30,6 +30,8 @@ pub type Interrupt = Arc<AtomicBool>;
 
 struct Body<T> {
     interrupt: Interrupt,
+    /// The first call that should have completed the object and failed, unless somebody dealt with it.
+    failed: Mutex<Option<Error>>,
     value: UnsafeCell<T>,
 }
 
@@ -55,13 +57,98 @@ pub unsafe fn create<O: Object>(out: *mut *mut O, make: impl FnOnce(&Interrupt) 
     let mut room: Vec<Body<O::Value>> = Vec::new();
     room.try_reserve_exact(1).map_err(|_| Error::Library(format!("out of memory: no room for a {}", O::NAME)))?;
     let interrupt = Interrupt::default();
-    let value = make(&interrupt)?;
+    let value = make(&interrupt).inspect_err(|e| note_creation::<O>(e))?;
     // made from the reserve: not kept
     memory::check()?;
-    room.push(Body { interrupt, value: UnsafeCell::new(value) });
+    room.push(Body { interrupt, failed: Mutex::new(None), value: UnsafeCell::new(value) });
     let body = Box::into_raw(room.into_boxed_slice()).cast::<Body<O::Value>>();
     unsafe { out.write(ptr::without_provenance_mut(vacancy.fill(kind::<O>(), body.cast()))) };
     Ok(())
+}
+
+// --- objects that could not be completed ---------------------------------------------------------------
+
+thread_local! {
+    /// The object whose first failure the last failed call of this thread was, and how to forget it.
+    static TO_HANDLE: Cell<Option<(usize, fn(usize))>> = const { Cell::new(None) };
+    /// The last object that could not be made on this thread: its type and why.
+    static NOT_MADE: RefCell<Option<(&'static str, String)>> = const { RefCell::new(None) };
+}
+
+/// Run the body of an export that completes an object: after a failure the object does not run, see [`require`].
+pub fn setting<O: Object>(object: *mut O, body: impl FnOnce() -> Result<()>) -> swb_status {
+    let _ = TO_HANDLE.try_with(|t| t.set(None));
+    guard(|| body().inspect_err(|e| note(object, e)))
+}
+
+/// Run the body of an export that works with what an object was completed to.
+pub fn running<O: Object>(object: *const O, body: impl FnOnce() -> Result<()>) -> swb_status {
+    guard(|| {
+        require(object)?;
+        body()
+    })
+}
+
+/// Refuse an object that could not be completed, with the first error. An object that is in use, or is none, is left to the
+/// call that follows.
+pub fn require<O: Object>(object: *const O) -> Result<()> {
+    with_failure(object.addr(), kind::<O>(), |body: &Body<O::Value>| match &*failure(body) {
+        None => Ok(()),
+        Some(e) => Err(e.with_text(|text| {
+            format!("{} is incomplete, because a call on it failed: {text} (swb_error_handled says that a failure was dealt with)", O::NAME)
+        })),
+    })
+    .unwrap_or(Ok(()))
+}
+
+fn failure<T>(body: &Body<T>) -> std::sync::MutexGuard<'_, Option<Error>> {
+    body.failed.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Look at the failure of an object that nobody uses alone just now; nothing is done with others.
+fn with_failure<T, R>(handle: usize, kind: Kind, look: impl FnOnce(&Body<T>) -> R) -> Option<R> {
+    let slot = OBJECTS.share(handle, kind).ok()?;
+    // SAFETY: callers pass the kind that belongs to `T`.
+    let found = look(unsafe { &*slot.body().cast::<Body<T>>() });
+    OBJECTS.unshare(slot);
+    Some(found)
+}
+
+/// Note that a call on the object failed, unless one did before.
+fn note<O: Object>(object: *mut O, e: &Error) {
+    fn forget<O: Object>(handle: usize) {
+        with_failure(handle, kind::<O>(), |body: &Body<O::Value>| *failure(body) = None);
+    }
+    let first = with_failure(object.addr(), kind::<O>(), |body: &Body<O::Value>| {
+        let mut failed = failure(body);
+        failed.is_none().then(|| *failed = Some(e.clone())).is_some()
+    });
+    if first == Some(true) {
+        let _ = TO_HANDLE.try_with(|t| t.set(Some((object.addr(), forget::<O>))));
+    }
+}
+
+fn note_creation<O: Object>(e: &Error) {
+    let _ = NOT_MADE.try_with(|n| *n.borrow_mut() = Some((O::NAME, e.to_string())));
+}
+
+/// The end of a message about NULL in the place of an object: why the last one of its type could not be made.
+pub fn why_null<O: Object>() -> String {
+    let said = NOT_MADE.try_with(|n| n.borrow().as_ref().filter(|n| n.0 == O::NAME).map(|n| n.1.clone()));
+    said.ok().flatten().map_or_else(String::new, |text| format!("; the last {} could not be made: {text}", O::NAME))
+}
+
+/// Say that the failure of the last call of this thread that set or added something was dealt with: the object runs without
+/// what failed. Else an object for which such a call failed refuses to run, with the first error.
+///
+/// Bindings that throw an exception call it there, and programs that go on after a failure. Does nothing after a success.
+#[no_mangle]
+pub extern "C" fn swb_error_handled() {
+    query((), || {
+        if let Some((handle, forget)) = TO_HANDLE.try_with(Cell::take).ok().flatten() {
+            forget(handle);
+        }
+    });
 }
 
 /// Use the object together with other shared uses.
@@ -143,7 +230,7 @@ pub unsafe fn free<O: Object>(object: *mut O) {
 
 fn address<O: Object>(object: *const O) -> Result<usize> {
     if object.is_null() {
-        return Err(Error::Null(format!("{} is NULL", O::NAME)));
+        return Err(Error::Null(format!("{} is NULL{}", O::NAME, why_null::<O>())));
     }
     Ok(object.addr())
 }

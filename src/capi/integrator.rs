@@ -1,7 +1,7 @@
 //! Event-driven simulation, step by step.
 
 use super::guard::guard;
-use super::handle::{self, Object};
+use super::handle::{self, running, setting, Object};
 use super::log::{swb_log_fn, LogSink};
 use super::raw;
 use super::report::write_sized;
@@ -203,6 +203,7 @@ pub unsafe extern "C" fn swb_integrator_create(
         handle::create(out, |interrupt| {
             let settings = settings::read(settings)?;
             settings.validate()?;
+            handle::require(system)?;
             let system = handle::with_ref(system, |s| Ok(s.clone()))?;
             Integrator::new(system, settings, interrupt)
         })
@@ -221,7 +222,7 @@ pub unsafe extern "C" fn swb_integrator_reinit(
     x: *const f64,
     nx: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         let x = raw::slice(x, nx, "x")?;
         handle::with_mut(integrator, |o| o.reinit(t, x))
     })
@@ -237,7 +238,7 @@ pub unsafe extern "C" fn swb_integrator_set_controls(
     u: *const f64,
     nu: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         let u = raw::slice(u, nu, "u")?;
         handle::with_mut(integrator, |o| o.set_controls(u))
     })
@@ -253,7 +254,7 @@ pub unsafe extern "C" fn swb_integrator_set_params(
     p: *const f64,
     np: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         let p = raw::slice(p, np, "p")?;
         handle::with_mut(integrator, |o| o.set_params(p))
     })
@@ -274,7 +275,7 @@ pub unsafe extern "C" fn swb_integrator_set_tolerances(
     atol: *const f64,
     n_atol: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         let (rtol, atol) = (raw::slice(rtol, n_rtol, "rtol")?, raw::slice(atol, n_atol, "atol")?);
         handle::with_mut(integrator, |o| o.set_tolerances(rtol, atol))
     })
@@ -290,7 +291,7 @@ pub unsafe extern "C" fn swb_integrator_set_stop_times(
     t: *const f64,
     n: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         let times = raw::slice(t, n, "t")?;
         handle::with_mut(integrator, |o| o.set_stop_times(times))
     })
@@ -309,7 +310,7 @@ pub unsafe extern "C" fn swb_integrator_set_preferred(
     modes: *const i64,
     n: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         let modes = raw::slice(modes, n, "modes")?;
         handle::with_mut(integrator, |o| o.set_preferred(subsystem, modes))
     })
@@ -325,7 +326,7 @@ pub unsafe extern "C" fn swb_integrator_set_decider(
     decide: swb_decide_fn,
     user_data: *mut c_void,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         handle::with_mut(integrator, |o| {
             let decide = decide.map(|function| Decide { function, user_data });
             o.set_decider(decide.map(|d| Arc::new(move |b: &Branching, n_modes: &[i64]| d.ask(b, n_modes)) as _));
@@ -345,7 +346,7 @@ pub unsafe extern "C" fn swb_integrator_step(
     t_stop: f64,
     kind: *mut i32,
 ) -> swb_status {
-    guard(|| unsafe {
+    running(integrator, || unsafe {
         let did = handle::with_mut(integrator, |o| o.run(t_stop, true))?;
         raw::write_optional(kind, kind_number(did) as i32);
         Ok(())
@@ -362,7 +363,7 @@ pub unsafe extern "C" fn swb_integrator_advance(
     t: f64,
     outcome: *mut i32,
 ) -> swb_status {
-    guard(|| unsafe {
+    running(integrator, || unsafe {
         let reached = handle::with_mut(integrator, |o| o.run(t, false).map(|_| ending_number(o.ending().0)))?;
         raw::write_optional(outcome, reached);
         Ok(())
@@ -386,7 +387,7 @@ pub unsafe extern "C" fn swb_integrator_sample(
     n_x: i64,
     outcome: *mut i32,
 ) -> swb_status {
-    guard(|| unsafe {
+    running(integrator, || unsafe {
         let times = raw::slice(t, n, "t")?;
         let reached = handle::with_mut(integrator, |o| {
             let wanted = times.len().checked_mul(o.state().len());
@@ -616,7 +617,7 @@ pub unsafe extern "C" fn swb_integrator_set_int(
     name: *const c_char,
     value: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         let name = raw::text(name, "name")?;
         handle::with_mut(integrator, |o| o.set_option(name, Value::Int(value)))
     })
@@ -631,7 +632,7 @@ pub unsafe extern "C" fn swb_integrator_set_double(
     name: *const c_char,
     value: f64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         let name = raw::text(name, "name")?;
         handle::with_mut(integrator, |o| o.set_option(name, Value::Float(value)))
     })
@@ -646,7 +647,7 @@ pub unsafe extern "C" fn swb_integrator_set_string(
     name: *const c_char,
     value: *const c_char,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         let (name, value) = (raw::text(name, "name")?, raw::text(value, "value")?);
         handle::with_mut(integrator, |o| o.set_option(name, Value::Text(value.to_owned())))
     })
@@ -661,7 +662,7 @@ pub unsafe extern "C" fn swb_integrator_set_settings(
     integrator: *mut swb_integrator,
     settings: *const Settings,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         let settings = settings::read(settings)?;
         settings.validate()?;
         handle::with_mut(integrator, |o| {
@@ -695,7 +696,7 @@ pub unsafe extern "C" fn swb_integrator_set_progress(
     progress: swb_progress_fn,
     user_data: *mut c_void,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         handle::with_mut(integrator, |o| {
             let progress = progress.map(|function| Progress { function, user_data });
             o.set_watch(progress.map(|p| Box::new(move |e: &Engine, kind: StepKind| p.tell(e, kind)) as _));
@@ -715,7 +716,7 @@ pub unsafe extern "C" fn swb_integrator_set_poll(
     poll: swb_poll_fn,
     user_data: *mut c_void,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         handle::with_mut(integrator, |o| {
             let poll = poll.map(|function| Poll { function, user_data });
             o.set_poll(poll.map(|p| Box::new(move || p.ask()) as _));
@@ -735,7 +736,7 @@ pub unsafe extern "C" fn swb_integrator_set_log(
     log: swb_log_fn,
     user_data: *mut c_void,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(integrator, || unsafe {
         handle::with_mut(integrator, |o| {
             o.set_lines(LogSink::new(log, user_data).map(LogSink::lines));
             Ok(())

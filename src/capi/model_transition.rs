@@ -4,7 +4,7 @@ use std::ffi::c_char;
 
 use super::expr::{swb_expr, swb_model};
 use super::guard::guard;
-use super::handle;
+use super::handle::{self, setting};
 use super::raw;
 use super::status::swb_status;
 use super::transition::{direction_of, values_of};
@@ -23,7 +23,7 @@ use crate::system::Direction;
 ///         if such a state has a derivative
 #[no_mangle]
 pub unsafe extern "C" fn swb_model_set_discrete(model: *mut swb_model, initial: *const f64, n: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(model, || unsafe {
         let initial = raw::slice(initial, n, "initial")?;
         handle::with_mut(model, |m| m.set_discrete(initial))
     })
@@ -40,7 +40,7 @@ pub unsafe extern "C" fn swb_model_set_value_names(
     discrete: i64,
     names: *const c_char,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(model, || unsafe {
         let k = size(discrete, "discrete")?;
         let given = if names.is_null() { "" } else { raw::text(names, "names")? };
         let list: Vec<String> =
@@ -108,7 +108,7 @@ pub unsafe extern "C" fn swb_model_add_transition(
     n_to_values: i64,
     index: *mut i64,
 ) -> swb_status {
-    self::guard(|| unsafe {
+    self::setting(model, || unsafe {
         let direction = direction_of(direction)?;
         let from = values_of((from_states, n_from_states), (from_values, n_from_values), "from")?;
         let to = values_of((to_states, n_to_states), (to_values, n_to_values), "to")?;

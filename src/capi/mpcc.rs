@@ -3,7 +3,7 @@
 use super::diagnosis::{swb_item, Names};
 use super::function::{self, shared, shared_optional, swb_function, swb_point};
 use super::guard::guard;
-use super::handle::{self, Interrupt, Object};
+use super::handle::{self, running, setting, Interrupt, Object};
 use super::log::swb_log_fn;
 use super::raw;
 use super::report::{
@@ -458,7 +458,7 @@ pub unsafe extern "C" fn swb_mpcc_add_pair(
     kind_h: i32,
     index_h: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         handle::with_mut(mpcc, |p| {
             let pair = (p.member(kind_g, index_g, "G")?, p.member(kind_h, index_h, "H")?);
             if pair.0 == pair.1 {
@@ -513,7 +513,7 @@ pub unsafe extern "C" fn swb_mpcc_set_hessian(
     hessian: swb_lagrangian_fn,
     user_data: *mut c_void,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         handle::with_mut(mpcc, |p| {
             p.hessian = match hessian {
                 None => None,
@@ -567,7 +567,7 @@ pub unsafe extern "C" fn swb_mpcc_set_bounds(
     upper: *const f64,
     n_upper: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         handle::with_mut(mpcc, |p| {
             let name = |i| p.names.label(swb_item::Variable, i);
             let (lower, upper) = bounds_of(name, (lower, n_lower), (upper, n_upper))?;
@@ -593,7 +593,7 @@ pub unsafe extern "C" fn swb_mpcc_set_constraint_bounds(
     upper: *const f64,
     n_upper: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         handle::with_mut(mpcc, |p| {
             let name = |i| p.names.label(swb_item::Constraint, i);
             let (lower, upper) = bounds_of(name, (lower, n_lower), (upper, n_upper))?;
@@ -612,7 +612,7 @@ pub unsafe extern "C" fn swb_mpcc_set_constraint_bounds(
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_set_params(mpcc: *mut swb_mpcc, values: *const f64, np: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         let values = raw::slice(values, np, "values")?;
         handle::with_mut(mpcc, |p| {
             crate::error::finite("parameter", values, p.params.len())?;
@@ -628,7 +628,7 @@ pub unsafe extern "C" fn swb_mpcc_set_params(mpcc: *mut swb_mpcc, values: *const
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_set_start(mpcc: *mut swb_mpcc, w: *const f64, n: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         let w = raw::slice(w, n, "w")?;
         handle::with_mut(mpcc, |p| {
             crate::error::finite("start", w, p.n)?;
@@ -657,7 +657,7 @@ pub unsafe extern "C" fn swb_mpcc_set_warm_start(
     z: *const f64,
     n_z: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         let (w, y, z) = (raw::slice(w, n, "w")?, raw::slice(y, m, "y")?, raw::slice(z, n_z, "z")?);
         handle::with_mut(mpcc, |p| {
             let optional = |values: &[f64], len: usize, what: &str| {
@@ -683,7 +683,7 @@ pub unsafe extern "C" fn swb_mpcc_set_warm_start(
 ///         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_solve(mpcc: *mut swb_mpcc, outcome: *mut i32) -> swb_status {
-    guard(|| unsafe {
+    running(mpcc, || unsafe {
         let reached = handle::with_mut(mpcc, |p| p.solve(From::Start))?;
         raw::write_optional(outcome, outcome_number(reached));
         Ok(())
@@ -697,7 +697,7 @@ pub unsafe extern "C" fn swb_mpcc_solve(mpcc: *mut swb_mpcc, outcome: *mut i32) 
 /// @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_resolve(mpcc: *mut swb_mpcc, outcome: *mut i32) -> swb_status {
-    guard(|| unsafe {
+    running(mpcc, || unsafe {
         let reached = handle::with_mut(mpcc, |p| p.solve(From::Last))?;
         raw::write_optional(outcome, outcome_number(reached));
         Ok(())
@@ -865,7 +865,7 @@ pub unsafe extern "C" fn swb_mpcc_get_stats(
 /// @return as swb_settings_set_int
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_set_int(mpcc: *mut swb_mpcc, name: *const c_char, value: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         let name = raw::text(name, "name")?;
         handle::with_mut(mpcc, |o| o.set_option(name, Value::Int(value)))
     })
@@ -876,7 +876,7 @@ pub unsafe extern "C" fn swb_mpcc_set_int(mpcc: *mut swb_mpcc, name: *const c_ch
 /// @return as swb_settings_set_double
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_set_double(mpcc: *mut swb_mpcc, name: *const c_char, value: f64) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         let name = raw::text(name, "name")?;
         handle::with_mut(mpcc, |o| o.set_option(name, Value::Float(value)))
     })
@@ -891,7 +891,7 @@ pub unsafe extern "C" fn swb_mpcc_set_string(
     name: *const c_char,
     value: *const c_char,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         let (name, value) = (raw::text(name, "name")?, raw::text(value, "value")?);
         handle::with_mut(mpcc, |o| o.set_option(name, Value::Text(value.to_owned())))
     })
@@ -903,7 +903,7 @@ pub unsafe extern "C" fn swb_mpcc_set_string(
 /// @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_set_settings(mpcc: *mut swb_mpcc, settings: *const Settings) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         let settings = settings::read(settings)?;
         settings.validate()?;
         handle::with_mut(mpcc, |o| o.set_settings(settings))
@@ -934,7 +934,7 @@ pub unsafe extern "C" fn swb_mpcc_set_iteration(
     iteration: swb_iteration_fn,
     user_data: *mut c_void,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         handle::with_mut(mpcc, |o| {
             o.hooks.set_iteration(iteration, user_data);
             Ok(())
@@ -948,7 +948,7 @@ pub unsafe extern "C" fn swb_mpcc_set_iteration(
 /// @return SWB_OK
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_set_log(mpcc: *mut swb_mpcc, log: swb_log_fn, user_data: *mut c_void) -> swb_status {
-    guard(|| unsafe {
+    setting(mpcc, || unsafe {
         handle::with_mut(mpcc, |o| {
             o.hooks.set_log(log, user_data);
             Ok(())

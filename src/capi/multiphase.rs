@@ -2,7 +2,7 @@
 
 use super::function::{shared, swb_function};
 use super::guard::guard;
-use super::handle::{self, Interrupt, Object};
+use super::handle::{self, running, setting, Interrupt, Object};
 use super::ocp::{self, swb_ocp};
 use super::raw;
 use super::report::{outcome_number, polished_number, swb_iteration_fn, write_sized, Exclusive, Hooks, Sized8};
@@ -100,6 +100,7 @@ pub unsafe extern "C" fn swb_multiphase_create(
         handle::create(out, |interrupt: &Interrupt| {
             let mut list = Vec::new();
             for &p in raw::slice(phases, n_phases, "phases")? {
+                handle::require(p)?;
                 list.push(handle::with_mut(p, ocp::copied)?);
             }
             let n_phases = list.len();
@@ -129,7 +130,7 @@ pub unsafe extern "C" fn swb_multiphase_link(
     upper: *const f64,
     n_upper: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(m, || unsafe {
         let phase = index(phase, "phase")?;
         let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
         let f = shared(f, "f")?;
@@ -143,7 +144,7 @@ pub unsafe extern "C" fn swb_multiphase_link(
 /// @return as swb_multiphase_link
 #[no_mangle]
 pub unsafe extern "C" fn swb_multiphase_link_continuous(m: *mut swb_multiphase, phase: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(m, || unsafe {
         let phase = index(phase, "phase")?;
         change(m, |m| m.link_continuous(phase))
     })
@@ -161,7 +162,7 @@ pub unsafe extern "C" fn swb_multiphase_link_reset(
     phase: i64,
     r: *const swb_function,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(m, || unsafe {
         let phase = index(phase, "phase")?;
         let r = shared(r, "r")?;
         change(m, |m| m.link_reset(phase, r))
@@ -174,7 +175,7 @@ pub unsafe extern "C" fn swb_multiphase_link_reset(
 /// @return as swb_ocp_solve
 #[no_mangle]
 pub unsafe extern "C" fn swb_multiphase_solve(m: *mut swb_multiphase, outcome: *mut i32) -> swb_status {
-    guard(|| unsafe {
+    running(m, || unsafe {
         let reached = handle::with_mut(m, Phases::solve)?;
         raw::write_optional(outcome, outcome_number(reached));
         Ok(())
@@ -263,7 +264,7 @@ pub unsafe extern "C" fn swb_multiphase_set_iteration(
     iteration: swb_iteration_fn,
     user_data: *mut c_void,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(m, || unsafe {
         handle::with_mut(m, |m| {
             m.hooks.set_iteration(iteration, user_data);
             Ok(())

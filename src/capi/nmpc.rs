@@ -418,6 +418,7 @@ pub unsafe extern "C" fn swb_nmpc_create(
     guard(|| unsafe {
         handle::create(out, |interrupt| {
             let options = swb_nmpc_options::read(options)?.options()?;
+            handle::require(ocp)?;
             let ocp = handle::with_mut(ocp, copied)?;
             let nmpc = Nmpc::new(&ocp, &options)?;
             let u0 = vec![0.0; nmpc.nu()];

@@ -2,7 +2,7 @@
 
 use super::function::{shared, shared_cost, swb_function};
 use super::guard::guard;
-use super::handle::{self, Interrupt, Object};
+use super::handle::{self, running, setting, Interrupt, Object};
 use super::log::swb_log_fn;
 use super::raw;
 use super::report::{
@@ -265,6 +265,7 @@ pub unsafe extern "C" fn swb_ocp_create(
         handle::create(out, |interrupt| {
             let settings = settings::read(settings)?;
             let n = sizes::size(n_stages, "n_stages")?;
+            handle::require(system)?;
             handle::with_ref(system, |s| Ok(new(Ocp::new(s, horizon, n, &settings)?, interrupt)))
         })
     })
@@ -278,7 +279,7 @@ pub unsafe extern "C" fn swb_ocp_create(
 ///         stage: make such a cost the derivative of a further state of the model, and its value at the end the terminal cost
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_lagrange(ocp: *mut swb_ocp, f: *const swb_function) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let f = shared_cost(f, "f")?;
         change(ocp, |o| o.set_lagrange(f))
     })
@@ -290,7 +291,7 @@ pub unsafe extern "C" fn swb_ocp_set_lagrange(ocp: *mut swb_ocp, f: *const swb_f
 /// @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_mayer(ocp: *mut swb_ocp, f: *const swb_function) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let f = shared_cost(f, "f")?;
         change(ocp, |o| o.set_mayer(f))
     })
@@ -312,7 +313,7 @@ pub unsafe extern "C" fn swb_ocp_add_path(
     n_upper: i64,
     at: i32,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let places = [
             (swb_path_at::ControlGrid, PathAt::ControlGrid),
             (swb_path_at::Elements, PathAt::Elements),
@@ -341,7 +342,7 @@ pub unsafe extern "C" fn swb_ocp_add_terminal(
     upper: *const f64,
     n_upper: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
         let f = shared(f, "f")?;
         change(ocp, |o| o.add_terminal(f, lower, upper))
@@ -361,7 +362,7 @@ pub unsafe extern "C" fn swb_ocp_set_state_bounds(
     upper: *const f64,
     n_upper: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
         change(ocp, |o| o.set_x_bounds(lower, upper))
     })
@@ -380,7 +381,7 @@ pub unsafe extern "C" fn swb_ocp_set_initial_bounds(
     upper: *const f64,
     n_upper: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
         change(ocp, |o| o.set_x0_bounds(lower, upper))
     })
@@ -392,7 +393,7 @@ pub unsafe extern "C" fn swb_ocp_set_initial_bounds(
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is NaN
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_initial_state(ocp: *mut swb_ocp, x0: *const f64, nx: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let x0 = raw::slice(x0, nx, "x0")?;
         change(ocp, |o| {
             if let Some(i) = x0.iter().position(|v| !v.is_finite()) {
@@ -416,7 +417,7 @@ pub unsafe extern "C" fn swb_ocp_set_control_bounds(
     upper: *const f64,
     n_upper: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
         change(ocp, |o| o.set_u_bounds(lower, upper))
     })
@@ -440,7 +441,7 @@ pub unsafe extern "C" fn swb_ocp_set_nominal(
     p: *const f64,
     n_p: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let read = |v: *const f64, n: i64, what: &str| -> Result<Vec<Option<f64>>> {
             Ok(raw::slice(v, n, what)?.iter().map(|v| (!v.is_nan()).then_some(*v)).collect())
         };
@@ -455,7 +456,7 @@ pub unsafe extern "C" fn swb_ocp_set_nominal(
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_params(ocp: *mut swb_ocp, p: *const f64, np: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let p = raw::slice(p, np, "p")?;
         change(ocp, |o| o.set_params(p))
     })
@@ -466,7 +467,7 @@ pub unsafe extern "C" fn swb_ocp_set_params(ocp: *mut swb_ocp, p: *const f64, np
 /// @return SWB_OK; SWB_ERR_RANGE if it is not finite
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_initial_time(ocp: *mut swb_ocp, t0: f64) -> swb_status {
-    guard(|| unsafe { change(ocp, |o| o.set_t0(t0)) })
+    setting(ocp, || unsafe { change(ocp, |o| o.set_t0(t0)) })
 }
 
 /// Give states to start from, linear in between.
@@ -482,7 +483,7 @@ pub unsafe extern "C" fn swb_ocp_set_state_guess(
     x: *const f64,
     n_x: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let (times, x) = (raw::slice(times, n_times, "times")?, raw::slice(x, n_x, "x")?);
         change(ocp, |o| o.set_x_guess(times, x))
     })
@@ -494,7 +495,7 @@ pub unsafe extern "C" fn swb_ocp_set_state_guess(
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_control_guess(ocp: *mut swb_ocp, u: *const f64, n_u: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let u = raw::slice(u, n_u, "u")?;
         change(ocp, |o| o.set_u_guess(u))
     })
@@ -508,7 +509,7 @@ pub unsafe extern "C" fn swb_ocp_set_control_guess(ocp: *mut swb_ocp, u: *const 
 ///         SWB_ERR_UNSUPPORTED if options do not go together
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_solve(ocp: *mut swb_ocp, outcome: *mut i32) -> swb_status {
-    guard(|| unsafe {
+    running(ocp, || unsafe {
         let reached = handle::with_mut(ocp, |o| o.solve(false))?;
         raw::write_optional(outcome, outcome_number(reached));
         Ok(())
@@ -662,7 +663,7 @@ pub unsafe extern "C" fn swb_ocp_get_trajectory(ocp: *const swb_ocp, out: *mut *
 /// @return as swb_settings_set_int
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_int(ocp: *mut swb_ocp, name: *const c_char, value: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let name = raw::text(name, "name")?;
         handle::with_mut(ocp, |o| o.set_option(name, Value::Int(value)))
     })
@@ -673,7 +674,7 @@ pub unsafe extern "C" fn swb_ocp_set_int(ocp: *mut swb_ocp, name: *const c_char,
 /// @return as swb_settings_set_double
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_double(ocp: *mut swb_ocp, name: *const c_char, value: f64) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let name = raw::text(name, "name")?;
         handle::with_mut(ocp, |o| o.set_option(name, Value::Float(value)))
     })
@@ -688,7 +689,7 @@ pub unsafe extern "C" fn swb_ocp_set_string(
     name: *const c_char,
     value: *const c_char,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let (name, value) = (raw::text(name, "name")?, raw::text(value, "value")?);
         handle::with_mut(ocp, |o| o.set_option(name, Value::Text(value.to_owned())))
     })
@@ -700,7 +701,7 @@ pub unsafe extern "C" fn swb_ocp_set_string(
 /// @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_settings(ocp: *mut swb_ocp, settings: *const Settings) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let settings = settings::read(settings)?;
         settings.validate()?;
         handle::with_mut(ocp, |o| o.set_settings(settings))
@@ -731,7 +732,7 @@ pub unsafe extern "C" fn swb_ocp_set_iteration(
     iteration: swb_iteration_fn,
     user_data: *mut c_void,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         handle::with_mut(ocp, |o| {
             o.hooks.set_iteration(iteration, user_data);
             Ok(())
@@ -745,7 +746,7 @@ pub unsafe extern "C" fn swb_ocp_set_iteration(
 /// @return SWB_OK
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_log(ocp: *mut swb_ocp, log: swb_log_fn, user_data: *mut c_void) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         handle::with_mut(ocp, |o| {
             o.hooks.set_log(log, user_data);
             Ok(())

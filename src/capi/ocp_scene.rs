@@ -1,7 +1,7 @@
 //! Optimal control of scenes: how contact modes are found, impacts, modes and forces of an answer.
 
 use super::guard::guard;
-use super::handle;
+use super::handle::{self, setting};
 use super::ocp::{change, new, swb_ocp};
 use super::raw;
 use super::run::write_structs;
@@ -54,6 +54,7 @@ pub unsafe extern "C" fn swb_ocp_create_scene(
         handle::create(out, |interrupt| {
             let settings = settings::read(settings)?;
             let n = sizes::size(n_stages, "n_stages")?;
+            handle::require(scene)?;
             handle::with_ref(scene, |s| Ok(new(Ocp::new(&s.built()?.system, horizon, n, &settings)?, interrupt)))
         })
     })
@@ -65,7 +66,7 @@ pub unsafe extern "C" fn swb_ocp_create_scene(
 /// @return SWB_OK; SWB_ERR_RANGE
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_jumps(ocp: *mut swb_ocp, jumps: i32) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let method = match jumps {
             0 => Jumps::Auto,
             1 => Jumps::Modes,

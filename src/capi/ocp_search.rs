@@ -1,7 +1,7 @@
 //! Optimal control: mode sequences, several starts, grids that were adapted.
 
 use super::guard::{caught, guard};
-use super::handle;
+use super::handle::{self, running, setting};
 use super::ocp::{change, swb_ocp, Problem};
 use super::raw;
 use super::report::{outcome_number, polished_number};
@@ -96,7 +96,7 @@ pub unsafe extern "C" fn swb_ocp_set_modes(
     cells: *const i32,
     n_cells: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let times = raw::slice(times, n_times, "times")?.to_vec();
         let modes = flags(raw::slice(modes, n_modes, "modes")?);
         let cells = flags(raw::slice(cells, n_cells, "cells")?);
@@ -146,7 +146,7 @@ impl Problem {
 /// @return SWB_OK; SWB_ERR_DIMENSION
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_random_starts(ocp: *mut swb_ocp, seed: u64, u: *mut f64, n_u: i64) -> swb_status {
-    guard(|| unsafe {
+    running(ocp, || unsafe {
         handle::with_mut(ocp, |o| {
             let width = o.control_size().max(1);
             let n = raw::length(n_u, "u")? / width;
@@ -179,7 +179,7 @@ pub unsafe extern "C" fn swb_ocp_solve_starts(
     n_threads: i64,
     best: *mut i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    running(ocp, || unsafe {
         let u = raw::slice(u, n_u, "u")?;
         let kept = handle::with_mut(ocp, |o| o.starts(u, n_threads))?;
         raw::write_optional(best, kept as i64);

@@ -2,7 +2,7 @@
 
 use super::function::{shared, swb_function};
 use super::guard::guard;
-use super::handle;
+use super::handle::{self, running, setting};
 use super::ocp::{change, swb_ocp};
 use super::raw;
 use super::report::outcome_number;
@@ -78,7 +78,7 @@ pub unsafe extern "C" fn swb_ocp_add_boundary(
     upper: *const f64,
     n_upper: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
         let f = shared(f, "f")?;
         change(ocp, |o| o.add_boundary(f, lower, upper))
@@ -91,7 +91,7 @@ pub unsafe extern "C" fn swb_ocp_add_boundary(
 /// @return SWB_OK; SWB_ERR_RANGE if there is no such state
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_add_periodic(ocp: *mut swb_ocp, states: *const i64, n_states: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let states = all_sizes(raw::slice(states, n_states, "states")?, "state")?;
         change(ocp, |o| o.add_periodic(&states))
     })
@@ -113,7 +113,7 @@ pub unsafe extern "C" fn swb_ocp_add_least_squares(
     n_references: i64,
     at: i32,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let at = choose(
             &[
                 (swb_cost_at::Running as i32, CostAt::Running),
@@ -142,7 +142,7 @@ pub unsafe extern "C" fn swb_ocp_set_references(
     references: *const f64,
     n_references: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let references = raw::slice(references, n_references, "references")?;
         let term = all_sizes(&[term], "term")?[0];
         change(ocp, |o| o.set_references(term, references))
@@ -169,7 +169,7 @@ pub unsafe extern "C" fn swb_ocp_add_relaxed(
     norm: i32,
     weight: f64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let places =
             [(-1, None), (0, Some(PathAt::ControlGrid)), (1, Some(PathAt::Elements)), (2, Some(PathAt::StagePoints))];
         let at = choose(&places, at, "enum swb_path_at, nor -1")?;
@@ -196,7 +196,7 @@ pub unsafe extern "C" fn swb_ocp_add_complementarity(
     b: *const swb_function,
     at: i32,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let places = [(0, PathAt::ControlGrid), (1, PathAt::Elements), (2, PathAt::StagePoints)];
         let at = choose(&places, at, "enum swb_path_at")?;
         let (a, b) = (shared(a, "a")?, shared(b, "b")?);
@@ -210,7 +210,7 @@ pub unsafe extern "C" fn swb_ocp_add_complementarity(
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_elements(ocp: *mut swb_ocp, n_fe: *const i64, n: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let n_fe = all_sizes(raw::slice(n_fe, n, "n_fe")?, "number of elements")?;
         change(ocp, |o| o.set_elements(&n_fe))
     })
@@ -222,7 +222,7 @@ pub unsafe extern "C" fn swb_ocp_set_elements(ocp: *mut swb_ocp, n_fe: *const i6
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_durations(ocp: *mut swb_ocp, durations: *const f64, n: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let durations = raw::slice(durations, n, "durations")?;
         change(ocp, |o| o.set_durations(durations))
     })
@@ -236,7 +236,7 @@ pub unsafe extern "C" fn swb_ocp_set_durations(ocp: *mut swb_ocp, durations: *co
 /// @return SWB_OK; SWB_ERR_RANGE
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_free_time(ocp: *mut swb_ocp, what: i32, lower: f64, upper: f64) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let all = [
             (swb_free_time::None as i32, Durations::Fixed),
             (swb_free_time::Horizon as i32, Durations::Horizon),
@@ -252,7 +252,7 @@ pub unsafe extern "C" fn swb_ocp_set_free_time(ocp: *mut swb_ocp, what: i32, low
 /// @return SWB_OK; SWB_ERR_RANGE
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_add_horizon(ocp: *mut swb_ocp, lower: f64, upper: f64) -> swb_status {
-    guard(|| unsafe { change(ocp, |o| o.add_horizon(lower, upper)) })
+    setting(ocp, || unsafe { change(ocp, |o| o.add_horizon(lower, upper)) })
 }
 
 /// Make controls continuous and linear on every stage; the others stay constant.
@@ -261,7 +261,7 @@ pub unsafe extern "C" fn swb_ocp_add_horizon(ocp: *mut swb_ocp, lower: f64, uppe
 /// @return SWB_OK; SWB_ERR_DIMENSION
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_linear_controls(ocp: *mut swb_ocp, linear: *const i32, nu: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let linear: Vec<bool> = raw::slice(linear, nu, "linear")?.iter().map(|v| *v != 0).collect();
         change(ocp, |o| o.set_linear_controls(&linear))
     })
@@ -281,7 +281,7 @@ pub unsafe extern "C" fn swb_ocp_set_param_bounds(
     upper: *const f64,
     n_upper: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
         change(ocp, |o| o.set_param_bounds(lower, upper))
     })
@@ -293,7 +293,7 @@ pub unsafe extern "C" fn swb_ocp_set_param_bounds(
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_stage_params(ocp: *mut swb_ocp, p: *const f64, n_p: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(ocp, || unsafe {
         let p = raw::slice(p, n_p, "p")?;
         change(ocp, |o| o.set_stage_params(p))
     })
@@ -305,7 +305,7 @@ pub unsafe extern "C" fn swb_ocp_set_stage_params(ocp: *mut swb_ocp, p: *const f
 /// @return as swb_ocp_solve
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_solve_warm(ocp: *mut swb_ocp, outcome: *mut i32) -> swb_status {
-    guard(|| unsafe {
+    running(ocp, || unsafe {
         let reached = handle::with_mut(ocp, |o| o.solve(true))?;
         raw::write_optional(outcome, outcome_number(reached));
         Ok(())

@@ -2,7 +2,7 @@
 
 use super::expr::{ids, swb_expr};
 use super::guard::guard;
-use super::handle::{self, Object};
+use super::handle::{self, running, setting, Object};
 use super::raw;
 use super::report::Sized8;
 use super::run::{need_derivatives, swb_run, write_structs};
@@ -213,7 +213,7 @@ pub unsafe extern "C" fn swb_scene_set_rates(
     rates: *const i64,
     n: i64,
 ) -> swb_status {
-    guard(|| unsafe { with_ids(scene, graph, (rates, n), "rates", |s, all| s.set_rates(&all)) })
+    setting(scene, || unsafe { with_ids(scene, graph, (rates, n), "rates", |s, all| s.set_rates(&all)) })
 }
 
 /// Set the inertia matrix M: symmetric and positive definite; it may depend on coordinates, parameters and time.
@@ -228,7 +228,7 @@ pub unsafe extern "C" fn swb_scene_set_inertia(
     entries: *const i64,
     n: i64,
 ) -> swb_status {
-    guard(|| unsafe { with_ids(scene, graph, (entries, n), "entries", |s, all| s.set_inertia(&all)) })
+    setting(scene, || unsafe { with_ids(scene, graph, (entries, n), "entries", |s, all| s.set_inertia(&all)) })
 }
 
 /// Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact forces, smooth expressions.
@@ -243,7 +243,7 @@ pub unsafe extern "C" fn swb_scene_set_force(
     force: *const i64,
     n: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(scene, || unsafe {
         with_ids(scene, graph, (force, n), "force", |s, all| {
             let n_v = s.sizes().1;
             if all.len() != n_v {
@@ -279,7 +279,7 @@ pub unsafe extern "C" fn swb_scene_add_contact(
     restitution: i64,
     index: *mut i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(scene, || unsafe {
         let contact = handle::with_mut(graph, |dag| {
             let zero = dag.constant(0.0);
             let one = |v: i64, what: &str| ids(dag, &v, 1, what).map(|all| all[0]);
@@ -315,7 +315,7 @@ pub unsafe extern "C" fn swb_scene_set_bounds(
     low: f64,
     high: f64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(scene, || unsafe {
         let i = size(coordinate, "coordinate")?;
         handle::with_mut(scene, |s| s.change().set_bounds(i, low, high))
     })
@@ -327,7 +327,7 @@ pub unsafe extern "C" fn swb_scene_set_bounds(
 /// @return SWB_OK; SWB_ERR_RANGE
 #[no_mangle]
 pub unsafe extern "C" fn swb_scene_set_impact_law(scene: *mut swb_scene, law: i32) -> swb_status {
-    guard(|| unsafe {
+    setting(scene, || unsafe {
         let law = match law {
             0 => ImpactLaw::Newton,
             1 => ImpactLaw::Sequential,
@@ -347,7 +347,7 @@ pub unsafe extern "C" fn swb_scene_set_impact_law(scene: *mut swb_scene, law: i3
 ///         with a message that names them
 #[no_mangle]
 pub unsafe extern "C" fn swb_scene_build(scene: *mut swb_scene, graph: *mut swb_expr) -> swb_status {
-    guard(|| unsafe {
+    running(scene, || unsafe {
         handle::with_mut(scene, |s| {
             s.check_graph(graph)?;
             s.built = Some(handle::with_mut(graph, |dag| s.scene.build_in(dag))?);
@@ -362,7 +362,7 @@ pub unsafe extern "C" fn swb_scene_build(scene: *mut swb_scene, graph: *mut swb_
 /// @return SWB_OK; SWB_ERR_STATE if the scene is not built
 #[no_mangle]
 pub unsafe extern "C" fn swb_scene_system(scene: *const swb_scene, out: *mut *mut swb_system) -> swb_status {
-    guard(|| unsafe { handle::create(out, |_| handle::with_ref(scene, |s| Ok(s.built()?.system.clone()))) })
+    running(scene, || unsafe { handle::create(out, |_| handle::with_ref(scene, |s| Ok(s.built()?.system.clone()))) })
 }
 
 /// Report of a scene that is built: contacts with what they cost, and which were left out and why.

@@ -1,7 +1,7 @@
 //! Simulation.
 
 use super::guard::guard;
-use super::handle::{self, Interrupt, Object};
+use super::handle::{self, running, setting, Interrupt, Object};
 use super::log::swb_log_fn;
 use super::raw;
 use super::report::{outcome_number, swb_iteration_fn, swb_residuals, swb_stats, write_sized, Exclusive, Hooks};
@@ -185,6 +185,7 @@ pub unsafe extern "C" fn swb_simulator_create(
         handle::create(out, |interrupt| {
             let settings = settings::read(settings)?;
             settings.validate()?;
+            handle::require(system)?;
             let system = handle::with_ref(system, |s| Ok(s.clone()))?;
             Simulation::new(system, settings, interrupt)
         })
@@ -202,7 +203,7 @@ pub unsafe extern "C" fn swb_simulator_set_state(
     x: *const f64,
     nx: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(sim, || unsafe {
         let x = raw::slice(x, nx, "x")?;
         handle::with_mut(sim, |s| {
             s.simulator.get().set_state(t, x)?;
@@ -220,7 +221,7 @@ pub unsafe extern "C" fn swb_simulator_set_state(
 /// @return as swb_simulator_set_state
 #[no_mangle]
 pub unsafe extern "C" fn swb_simulator_set_controls(sim: *mut swb_simulator, u: *const f64, nu: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(sim, || unsafe {
         let u = raw::slice(u, nu, "u")?;
         handle::with_mut(sim, |s| {
             s.simulator.get().set_controls(u)?;
@@ -236,7 +237,7 @@ pub unsafe extern "C" fn swb_simulator_set_controls(sim: *mut swb_simulator, u: 
 /// @return as swb_simulator_set_state
 #[no_mangle]
 pub unsafe extern "C" fn swb_simulator_set_params(sim: *mut swb_simulator, p: *const f64, np: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(sim, || unsafe {
         let p = raw::slice(p, np, "p")?;
         handle::with_mut(sim, |s| {
             s.simulator.get().set_params(p)?;
@@ -260,7 +261,7 @@ pub unsafe extern "C" fn swb_simulator_run(
     n_steps: i64,
     outcome: *mut i32,
 ) -> swb_status {
-    guard(|| unsafe {
+    running(sim, || unsafe {
         let reached = handle::with_mut(sim, |s| s.run(duration, n_steps))?;
         raw::write_optional(outcome, outcome_number(reached));
         Ok(())
@@ -401,7 +402,7 @@ pub unsafe extern "C" fn swb_simulator_get_trajectory(
 /// @return as swb_settings_set_int
 #[no_mangle]
 pub unsafe extern "C" fn swb_simulator_set_int(sim: *mut swb_simulator, name: *const c_char, value: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(sim, || unsafe {
         let name = raw::text(name, "name")?;
         handle::with_mut(sim, |o| o.set_option(name, Value::Int(value)))
     })
@@ -416,7 +417,7 @@ pub unsafe extern "C" fn swb_simulator_set_double(
     name: *const c_char,
     value: f64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(sim, || unsafe {
         let name = raw::text(name, "name")?;
         handle::with_mut(sim, |o| o.set_option(name, Value::Float(value)))
     })
@@ -431,7 +432,7 @@ pub unsafe extern "C" fn swb_simulator_set_string(
     name: *const c_char,
     value: *const c_char,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(sim, || unsafe {
         let (name, value) = (raw::text(name, "name")?, raw::text(value, "value")?);
         handle::with_mut(sim, |o| o.set_option(name, Value::Text(value.to_owned())))
     })
@@ -443,7 +444,7 @@ pub unsafe extern "C" fn swb_simulator_set_string(
 /// @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 #[no_mangle]
 pub unsafe extern "C" fn swb_simulator_set_settings(sim: *mut swb_simulator, settings: *const Settings) -> swb_status {
-    guard(|| unsafe {
+    setting(sim, || unsafe {
         let settings = settings::read(settings)?;
         settings.validate()?;
         handle::with_mut(sim, |o| o.set_settings(settings))
@@ -474,7 +475,7 @@ pub unsafe extern "C" fn swb_simulator_set_iteration(
     iteration: swb_iteration_fn,
     user_data: *mut c_void,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(sim, || unsafe {
         handle::with_mut(sim, |o| {
             o.hooks.set_iteration(iteration, user_data);
             Ok(())
@@ -492,7 +493,7 @@ pub unsafe extern "C" fn swb_simulator_set_log(
     log: swb_log_fn,
     user_data: *mut c_void,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(sim, || unsafe {
         handle::with_mut(sim, |o| {
             o.hooks.set_log(log, user_data);
             Ok(())

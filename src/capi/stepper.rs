@@ -1,7 +1,7 @@
 //! Time stepping of scenes with many contacts.
 
 use super::guard::guard;
-use super::handle::{self, Interrupt, Object};
+use super::handle::{self, running, setting, Interrupt, Object};
 use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
@@ -199,6 +199,7 @@ pub unsafe extern "C" fn swb_stepper_create(
     guard(|| unsafe {
         handle::create(out, |interrupt| {
             let options = swb_step_options::read(options)?.options()?;
+            handle::require(system)?;
             let system = handle::with_ref(system, |s| Ok(s.clone()))?;
             let d = system.dims();
             let stepper = Stepper::new(&system, &options)?;
@@ -220,7 +221,7 @@ pub unsafe extern "C" fn swb_stepper_set_state(
     x: *const f64,
     nx: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(stepper, || unsafe {
         let x = raw::slice(x, nx, "x")?;
         handle::with_mut(stepper, |s| s.run(|s| s.reset(t, x)))
     })
@@ -232,7 +233,7 @@ pub unsafe extern "C" fn swb_stepper_set_state(
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 #[no_mangle]
 pub unsafe extern "C" fn swb_stepper_set_controls(stepper: *mut swb_stepper, u: *const f64, nu: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(stepper, || unsafe {
         let u = raw::slice(u, nu, "u")?;
         handle::with_mut(stepper, |s| s.stepper.set_controls(u))
     })
@@ -244,7 +245,7 @@ pub unsafe extern "C" fn swb_stepper_set_controls(stepper: *mut swb_stepper, u: 
 /// @return as swb_stepper_set_controls
 #[no_mangle]
 pub unsafe extern "C" fn swb_stepper_set_params(stepper: *mut swb_stepper, p: *const f64, np: i64) -> swb_status {
-    guard(|| unsafe {
+    setting(stepper, || unsafe {
         let p = raw::slice(p, np, "p")?;
         handle::with_mut(stepper, |s| s.stepper.set_params(p))
     })
@@ -258,7 +259,7 @@ pub unsafe extern "C" fn swb_stepper_set_params(stepper: *mut swb_stepper, p: *c
 ///         definite; SWB_ERR_INTERRUPTED
 #[no_mangle]
 pub unsafe extern "C" fn swb_stepper_step(stepper: *mut swb_stepper) -> swb_status {
-    guard(|| unsafe { handle::with_mut(stepper, |s| s.run(Stepper::step)) })
+    running(stepper, || unsafe { handle::with_mut(stepper, |s| s.run(Stepper::step)) })
 }
 
 /// Make equal steps, not longer than h, that end at a time.
@@ -267,7 +268,7 @@ pub unsafe extern "C" fn swb_stepper_step(stepper: *mut swb_stepper) -> swb_stat
 /// @return as swb_stepper_step; where it fails, time and state are those of the last step that was made
 #[no_mangle]
 pub unsafe extern "C" fn swb_stepper_advance(stepper: *mut swb_stepper, t: f64) -> swb_status {
-    guard(|| unsafe { handle::with_mut(stepper, |s| s.run(|s| s.advance(t))) })
+    running(stepper, || unsafe { handle::with_mut(stepper, |s| s.run(|s| s.advance(t))) })
 }
 
 /// How many states swb_stepper_run keeps.
@@ -306,7 +307,7 @@ pub unsafe extern "C" fn swb_stepper_run(
     impulses: *mut f64,
     n_impulses: i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    running(stepper, || unsafe {
         let every = at_least_one(every)?;
         handle::with_mut(stepper, |s| {
             let n = s.stepper.count_records(t, every)?;

@@ -2,7 +2,7 @@
 
 use super::function::{point, shared, swb_function, swb_point};
 use super::guard::guard;
-use super::handle::{self, Object};
+use super::handle::{self, setting, Object};
 use super::raw;
 use super::status::swb_status;
 use crate::error::{Error, Result};
@@ -34,7 +34,7 @@ pub unsafe extern "C" fn swb_system_create(nx: i64, nu: i64, np: i64, out: *mut 
 /// @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 #[no_mangle]
 pub unsafe extern "C" fn swb_system_set_f0(system: *mut swb_system, f0: *const swb_function) -> swb_status {
-    guard(|| unsafe {
+    setting(system, || unsafe {
         let f0 = shared(f0, "f0")?;
         handle::with_mut(system, |s| s.set_f0(f0))
     })
@@ -90,7 +90,7 @@ pub unsafe extern "C" fn swb_system_add_subsystem(
     n_signs: i64,
     index: *mut i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(system, || unsafe {
         add(system, (rows, n_rows), modes, n_modes, index, || {
             let signs = raw::slice(signs, n_signs, "signs")?.to_vec();
             Ok(Regions::Signs { psi: shared(psi, "psi")?, signs })
@@ -116,7 +116,7 @@ pub unsafe extern "C" fn swb_system_add_subsystem_indicators(
     indicators: *const swb_function,
     index: *mut i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(system, || unsafe {
         add(system, (rows, n_rows), modes, n_modes, index, || {
             Ok(Regions::Indicators(shared(indicators, "indicators")?))
         })
@@ -143,7 +143,7 @@ pub unsafe extern "C" fn swb_system_add_inclusion(
     psi: *const swb_function,
     index: *mut i64,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(system, || unsafe {
         let (f, psi) = (shared(f, "f")?, shared(psi, "psi")?);
         let inclusion = Inclusion { rows: rows_of(rows, n_rows)?, f, psi, set: SetValued::Step };
         let k = handle::with_mut(system, |s| s.add_inclusion(inclusion))?;
@@ -166,7 +166,7 @@ pub unsafe extern "C" fn swb_system_set_algebraic(
     n_z: i64,
     g: *const swb_function,
 ) -> swb_status {
-    guard(|| unsafe {
+    setting(system, || unsafe {
         let g = if g.is_null() { None } else { Some(shared(g, "g")?) };
         handle::with_mut(system, |s| s.set_algebraic(size(n_z, "n_z")?, g))
     })

@@ -2,7 +2,7 @@
 
 use super::function::{shared, swb_function};
 use super::guard::guard;
-use super::handle;
+use super::handle::{self, setting};
 use super::raw;
 use super::report::Sized8;
 use super::run::{need_derivatives, swb_run, write_structs};
@@ -84,7 +84,7 @@ pub unsafe extern "C" fn swb_system_add_transition(
     n_to_values: i64,
     index: *mut i64,
 ) -> swb_status {
-    self::guard(|| unsafe {
+    self::setting(system, || unsafe {
         let transition = Transition {
             guard: shared(guard, "guard")?,
             direction: direction_of(direction)?,

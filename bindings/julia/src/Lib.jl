@@ -2019,6 +2019,7 @@ const NAMES = [
     :swb_last_user_code,
     :swb_last_error_copy,
     :swb_live_objects,
+    :swb_error_handled,
     :swb_status_string,
     :swb_status_name,
     :swb_version,
@@ -2430,25 +2431,35 @@ through a table, so tools that search the memory for lost pointers do not miss t
 swb_live_objects() = ccall(address(4), Int64, ())
 
 """
+    swb_error_handled() -> Cvoid
+
+Say that the failure of the last call of this thread that set or added something was dealt with: the object runs without
+what failed. Else an object for which such a call failed refuses to run, with the first error.
+
+Bindings that throw an exception call it there, and programs that go on after a failure. Does nothing after a success.
+"""
+swb_error_handled() = ccall(address(5), Cvoid, ())
+
+"""
     swb_status_string(status) -> Cstring
 
 General message of a status code; \"unknown status\" for any other number. Never NULL, static.
 """
-swb_status_string(status) = ccall(address(5), Cstring, (Int32,), status)
+swb_status_string(status) = ccall(address(6), Cstring, (Int32,), status)
 
 """
     swb_status_name(status) -> Cstring
 
 Name of a status code, such as \"SWB_ERR_NULL\"; NULL for any other number. Static.
 """
-swb_status_name(status) = ccall(address(6), Cstring, (Int32,), status)
+swb_status_name(status) = ccall(address(7), Cstring, (Int32,), status)
 
 """
     swb_version() -> Cstring
 
 Version of the library, such as \"0.1.0\". Static.
 """
-swb_version() = ccall(address(7), Cstring, ())
+swb_version() = ccall(address(8), Cstring, ())
 
 """
     swb_abi_version() -> Int32
@@ -2456,7 +2467,7 @@ swb_version() = ccall(address(7), Cstring, ())
 Number of the ABI: libraries of the same number replace each other. The number in the SONAME:
 before 1.0 the minor version, from then on 1000 times the major version.
 """
-swb_abi_version() = ccall(address(8), Int32, ())
+swb_abi_version() = ccall(address(9), Int32, ())
 
 """
     swb_check_version(major, minor) -> swb_status
@@ -2468,7 +2479,7 @@ equal; from then on the major ones, and the library must not be older.
 
 @return SWB_OK; SWB_ERR_UNSUPPORTED with both versions in the message
 """
-swb_check_version(major, minor) = ccall(address(9), swb_status, (Int32, Int32), major, minor)
+swb_check_version(major, minor) = ccall(address(10), swb_status, (Int32, Int32), major, minor)
 
 """
     swb_settings_log(settings, log, user_data) -> swb_status
@@ -2482,7 +2493,7 @@ the others at level debug.
 @return SWB_OK; SWB_ERR_NULL without a sink
 """
 swb_settings_log(settings, log, user_data) =
-    ccall(address(10), swb_status, (Ptr{swb_settings}, Ptr{Cvoid}, Ptr{Cvoid}), settings, log, user_data)
+    ccall(address(11), swb_status, (Ptr{swb_settings}, Ptr{Cvoid}, Ptr{Cvoid}), settings, log, user_data)
 
 """
     swb_settings_init(settings, struct_size) -> swb_status
@@ -2494,7 +2505,7 @@ Fill settings with the defaults.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_settings_init(settings, struct_size) =
-    ccall(address(11), swb_status, (Ptr{swb_settings}, UInt64), settings, struct_size)
+    ccall(address(12), swb_status, (Ptr{swb_settings}, UInt64), settings, struct_size)
 
 """
     swb_settings_set_int(settings, name, value) -> swb_status
@@ -2505,7 +2516,7 @@ Set an integer or enumeration option (or a float one, to an integer) by name.
         SWB_ERR_RANGE if the value is outside the range; SWB_ERR_STATE without swb_settings_init
 """
 swb_settings_set_int(settings, name, value) =
-    ccall(address(12), swb_status, (Ptr{swb_settings}, Cstring, Int64), settings, name, value)
+    ccall(address(13), swb_status, (Ptr{swb_settings}, Cstring, Int64), settings, name, value)
 
 """
     swb_settings_set_double(settings, name, value) -> swb_status
@@ -2515,7 +2526,7 @@ Set a float option by name.
 @return as swb_settings_set_int; SWB_ERR_OPTION if the option is an integer
 """
 swb_settings_set_double(settings, name, value) =
-    ccall(address(13), swb_status, (Ptr{swb_settings}, Cstring, Cdouble), settings, name, value)
+    ccall(address(14), swb_status, (Ptr{swb_settings}, Cstring, Cdouble), settings, name, value)
 
 """
     swb_settings_set_string(settings, name, value) -> swb_status
@@ -2525,7 +2536,7 @@ Set any option by name from text: a number, or the value name of an enumeration.
 @return as swb_settings_set_int; SWB_ERR_OPTION if the text is no value of the option
 """
 swb_settings_set_string(settings, name, value) =
-    ccall(address(14), swb_status, (Ptr{swb_settings}, Cstring, Cstring), settings, name, value)
+    ccall(address(15), swb_status, (Ptr{swb_settings}, Cstring, Cstring), settings, name, value)
 
 """
     swb_settings_get_int(settings, name, value) -> swb_status
@@ -2536,7 +2547,7 @@ Get an integer or enumeration option by name.
 @return SWB_OK; SWB_ERR_OPTION if there is no such option or it is a float
 """
 swb_settings_get_int(settings, name, value) =
-    ccall(address(15), swb_status, (Ptr{swb_settings}, Cstring, Ptr{Int64}), settings, name, value)
+    ccall(address(16), swb_status, (Ptr{swb_settings}, Cstring, Ptr{Int64}), settings, name, value)
 
 """
     swb_settings_get_double(settings, name, value) -> swb_status
@@ -2547,7 +2558,7 @@ Get an option by name as a number.
 @return SWB_OK; SWB_ERR_OPTION if there is no such option
 """
 swb_settings_get_double(settings, name, value) =
-    ccall(address(16), swb_status, (Ptr{swb_settings}, Cstring, Ptr{Cdouble}), settings, name, value)
+    ccall(address(17), swb_status, (Ptr{swb_settings}, Cstring, Ptr{Cdouble}), settings, name, value)
 
 """
     swb_settings_get_string(settings, name, buf, len, needed) -> swb_status
@@ -2560,7 +2571,7 @@ Get an option by name as text that reads back to the same value; enumerations as
 @return SWB_OK; SWB_ERR_OPTION if there is no such option; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_settings_get_string(settings, name, buf, len, needed) =
-    ccall(address(17), swb_status, (Ptr{swb_settings}, Cstring, Ptr{UInt8}, Int64, Ptr{Int64}), settings, name, buf,
+    ccall(address(18), swb_status, (Ptr{swb_settings}, Cstring, Ptr{UInt8}, Int64, Ptr{Int64}), settings, name, buf,
         len, needed)
 
 """
@@ -2570,7 +2581,7 @@ Check every option against its range, and those that belong together.
 
 @return SWB_OK; SWB_ERR_RANGE with option, value and range in the message
 """
-swb_settings_validate(settings) = ccall(address(18), swb_status, (Ptr{swb_settings},), settings)
+swb_settings_validate(settings) = ccall(address(19), swb_status, (Ptr{swb_settings},), settings)
 
 """
     swb_settings_to_json(settings, buf, len, needed) -> swb_status
@@ -2583,14 +2594,14 @@ Write all options as one JSON object; enumerations as value name, infinite value
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_settings_to_json(settings, buf, len, needed) =
-    ccall(address(19), swb_status, (Ptr{swb_settings}, Ptr{UInt8}, Int64, Ptr{Int64}), settings, buf, len, needed)
+    ccall(address(20), swb_status, (Ptr{swb_settings}, Ptr{UInt8}, Int64, Ptr{Int64}), settings, buf, len, needed)
 
 """
     swb_option_count() -> Int64
 
 Number of options; their indices are 0 to count - 1, in the order of the fields of swb_settings.
 """
-swb_option_count() = ccall(address(20), Int64, ())
+swb_option_count() = ccall(address(21), Int64, ())
 
 """
     swb_option_find(name, index) -> swb_status
@@ -2599,35 +2610,35 @@ Index of an option by name.
 
 @return SWB_OK; SWB_ERR_OPTION if there is no such option (the message names the nearest one)
 """
-swb_option_find(name, index) = ccall(address(21), swb_status, (Cstring, Ptr{Int64}), name, index)
+swb_option_find(name, index) = ccall(address(22), swb_status, (Cstring, Ptr{Int64}), name, index)
 
 """
     swb_option_name(index) -> Cstring
 
 Name of an option; NULL if there is no such index. Static.
 """
-swb_option_name(index) = ccall(address(22), Cstring, (Int64,), index)
+swb_option_name(index) = ccall(address(23), Cstring, (Int64,), index)
 
 """
     swb_option_doc(index) -> Cstring
 
 Description of an option in one sentence; NULL if there is no such index. Static.
 """
-swb_option_doc(index) = ccall(address(23), Cstring, (Int64,), index)
+swb_option_doc(index) = ccall(address(24), Cstring, (Int64,), index)
 
 """
     swb_option_symbol(index) -> Cstring
 
 Symbol of an option in the literature, or \"\"; NULL if there is no such index. Static.
 """
-swb_option_symbol(index) = ccall(address(24), Cstring, (Int64,), index)
+swb_option_symbol(index) = ccall(address(25), Cstring, (Int64,), index)
 
 """
     swb_option_value_name(index, value) -> Cstring
 
 Name of a value of an enumeration option; NULL if there is no such value. Static.
 """
-swb_option_value_name(index, value) = ccall(address(25), Cstring, (Int64, Int64), index, value)
+swb_option_value_name(index, value) = ccall(address(26), Cstring, (Int64, Int64), index, value)
 
 """
     swb_option_kind(index, kind) -> swb_status
@@ -2637,7 +2648,7 @@ Kind of an option.
 @param[out] kind an enum swb_kind
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such index
 """
-swb_option_kind(index, kind) = ccall(address(26), swb_status, (Int64, Ptr{Int32}), index, kind)
+swb_option_kind(index, kind) = ccall(address(27), swb_status, (Int64, Ptr{Int32}), index, kind)
 
 """
     swb_option_range(index, min, max, min_open, max_open) -> swb_status
@@ -2649,7 +2660,7 @@ Range of an option. Any output may be NULL.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such index
 """
 swb_option_range(index, min, max, min_open, max_open) =
-    ccall(address(27), swb_status, (Int64, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Int32}, Ptr{Int32}), index, min, max,
+    ccall(address(28), swb_status, (Int64, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Int32}, Ptr{Int32}), index, min, max,
         min_open, max_open)
 
 """
@@ -2659,7 +2670,7 @@ Default of an option, as a number.
 
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such index
 """
-swb_option_default(index, value) = ccall(address(28), swb_status, (Int64, Ptr{Cdouble}), index, value)
+swb_option_default(index, value) = ccall(address(29), swb_status, (Int64, Ptr{Cdouble}), index, value)
 
 """
     swb_option_setup_only(index, setup_only) -> swb_status
@@ -2669,14 +2680,14 @@ Is an option fixed once an object is built with it?
 @param[out] setup_only 1 if it is fixed, 0 if it may change between solves
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such index
 """
-swb_option_setup_only(index, setup_only) = ccall(address(29), swb_status, (Int64, Ptr{Int32}), index, setup_only)
+swb_option_setup_only(index, setup_only) = ccall(address(30), swb_status, (Int64, Ptr{Int32}), index, setup_only)
 
 """
     swb_outcome_name(outcome) -> Cstring
 
 Name of an outcome, such as \"solved\"; NULL for any other number. Static.
 """
-swb_outcome_name(outcome) = ccall(address(30), Cstring, (Int32,), outcome)
+swb_outcome_name(outcome) = ccall(address(31), Cstring, (Int32,), outcome)
 
 """
     swb_freeze_options_init(options, struct_size) -> swb_status
@@ -2688,7 +2699,7 @@ Set options of time-freezing to their defaults.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION for a size that cannot be
 """
 swb_freeze_options_init(options, struct_size) =
-    ccall(address(31), swb_status, (Ptr{swb_freeze_options}, UInt64), options, struct_size)
+    ccall(address(32), swb_status, (Ptr{swb_freeze_options}, UInt64), options, struct_size)
 
 """
     swb_scene_freeze(scene, graph, options, at, n_at, costs, n_costs, layout, layout_size, out) -> swb_status
@@ -2707,7 +2718,7 @@ take the velocities from one side of an impact to the other. Where the clock run
         positive; SWB_ERR_UNSUPPORTED for restitution that is no number, and friction beside restitution; SWB_ERR_DIMENSION
 """
 swb_scene_freeze(scene, graph, options, at, n_at, costs, n_costs, layout, layout_size, out) =
-    ccall(address(32), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{swb_freeze_options}, Ptr{Cdouble}, Int64,
+    ccall(address(33), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{swb_freeze_options}, Ptr{Cdouble}, Int64,
         Ptr{Int64}, Int64, Ptr{swb_freeze_layout}, UInt64, Ptr{Ptr{swb_model}}), scene, graph, options, at, n_at,
         costs, n_costs, layout, layout_size, out)
 
@@ -2721,7 +2732,7 @@ What became of the contacts in the last call of swb_scene_freeze: strengths, the
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before swb_scene_freeze
 """
 swb_scene_freeze_report(scene, buf, len, needed) =
-    ccall(address(33), swb_status, (Ptr{swb_scene}, Ptr{UInt8}, Int64, Ptr{Int64}), scene, buf, len, needed)
+    ccall(address(34), swb_status, (Ptr{swb_scene}, Ptr{UInt8}, Int64, Ptr{Int64}), scene, buf, len, needed)
 
 """
     swb_function_create(name, nx, nu, np, n_out, value, user_data, destroy, out) -> swb_status
@@ -2741,7 +2752,7 @@ otherwise, and fewer inputs make cheaper differences).
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if a size is negative
 """
 swb_function_create(name, nx, nu, np, n_out, value, user_data, destroy, out) =
-    ccall(address(34), swb_status, (Cstring, Int64, Int64, Int64, Int64, Ptr{Cvoid}, Ptr{Cvoid}, Ptr{Cvoid},
+    ccall(address(35), swb_status, (Cstring, Int64, Int64, Int64, Int64, Ptr{Cvoid}, Ptr{Cvoid}, Ptr{Cvoid},
         Ptr{Ptr{swb_function}}), name, nx, nu, np, n_out, value, user_data, destroy, out)
 
 """
@@ -2758,7 +2769,7 @@ Entries outside the pattern are zero for the library.
         function belongs to a model already
 """
 swb_function_set_jacobian(f, col_ptr, n_col_ptr, row_idx, nnz, jacobian) =
-    ccall(address(35), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}), f,
+    ccall(address(36), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}), f,
         col_ptr, n_col_ptr, row_idx, nnz, jacobian)
 
 """
@@ -2773,7 +2784,7 @@ for each of x, u, p and t.
 @return as swb_function_set_jacobian
 """
 swb_function_set_hessian(f, col_ptr, n_col_ptr, row_idx, nnz, hessian) =
-    ccall(address(36), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}), f,
+    ccall(address(37), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}), f,
         col_ptr, n_col_ptr, row_idx, nnz, hessian)
 
 """
@@ -2783,7 +2794,7 @@ Say that all second derivatives vanish.
 
 @return SWB_OK; SWB_ERR_STATE if the function belongs to a model already
 """
-swb_function_set_linear(f) = ccall(address(37), swb_status, (Ptr{swb_function},), f)
+swb_function_set_linear(f) = ccall(address(38), swb_status, (Ptr{swb_function},), f)
 
 """
     swb_function_set_inputs(f, inputs) -> swb_status
@@ -2794,7 +2805,7 @@ Say which inputs the function depends on; the Jacobian is dense in them and made
 @return SWB_OK; SWB_ERR_RANGE if there are no such inputs; SWB_ERR_STATE if the function belongs to a
         model already
 """
-swb_function_set_inputs(f, inputs) = ccall(address(38), swb_status, (Ptr{swb_function}, Int32), f, inputs)
+swb_function_set_inputs(f, inputs) = ccall(address(39), swb_status, (Ptr{swb_function}, Int32), f, inputs)
 
 """
     swb_function_set_flags(f, flags) -> swb_status
@@ -2805,7 +2816,7 @@ Set properties of a function; those that are not given are taken back.
 @return SWB_OK; SWB_ERR_RANGE if there are no such flags; SWB_ERR_STATE if the function belongs to a model already, or
         was made by the library
 """
-swb_function_set_flags(f, flags) = ccall(address(39), swb_status, (Ptr{swb_function}, Int32), f, flags)
+swb_function_set_flags(f, flags) = ccall(address(40), swb_status, (Ptr{swb_function}, Int32), f, flags)
 
 """
     swb_function_sizes(f, nx, nu, np, n_out, jacobian_nnz, hessian_nnz) -> swb_status
@@ -2817,7 +2828,7 @@ Sizes of a function. Any output may be NULL.
 @return SWB_OK
 """
 swb_function_sizes(f, nx, nu, np, n_out, jacobian_nnz, hessian_nnz) =
-    ccall(address(40), swb_status, (Ptr{swb_function}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64},
+    ccall(address(41), swb_status, (Ptr{swb_function}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64},
         Ptr{Int64}), f, nx, nu, np, n_out, jacobian_nnz, hessian_nnz)
 
 """
@@ -2830,7 +2841,7 @@ Name of a function.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_function_name(f, buf, len, needed) =
-    ccall(address(41), swb_status, (Ptr{swb_function}, Ptr{UInt8}, Int64, Ptr{Int64}), f, buf, len, needed)
+    ccall(address(42), swb_status, (Ptr{swb_function}, Ptr{UInt8}, Int64, Ptr{Int64}), f, buf, len, needed)
 
 """
     swb_function_jacobian_pattern(f, col_ptr, n_col_ptr, row_idx, nnz) -> swb_status
@@ -2842,7 +2853,7 @@ Pattern of the Jacobian, declared or derived.
 @return SWB_OK; SWB_ERR_DIMENSION if a length is not that of the pattern
 """
 swb_function_jacobian_pattern(f, col_ptr, n_col_ptr, row_idx, nnz) =
-    ccall(address(42), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), f, col_ptr, n_col_ptr,
+    ccall(address(43), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), f, col_ptr, n_col_ptr,
         row_idx, nnz)
 
 """
@@ -2855,7 +2866,7 @@ Pattern of the Hessian, upper triangle, declared or derived.
 @return SWB_OK; SWB_ERR_DIMENSION if a length is not that of the pattern
 """
 swb_function_hessian_pattern(f, col_ptr, n_col_ptr, row_idx, nnz) =
-    ccall(address(43), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), f, col_ptr, n_col_ptr,
+    ccall(address(44), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), f, col_ptr, n_col_ptr,
         row_idx, nnz)
 
 """
@@ -2868,7 +2879,7 @@ Evaluate a function.
         returned a negative code
 """
 swb_function_eval(f, at, out, n_out) =
-    ccall(address(44), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64), f, at, out, n_out)
+    ccall(address(45), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64), f, at, out, n_out)
 
 """
     swb_function_eval_jacobian(f, at, out, nnz) -> swb_status
@@ -2879,7 +2890,7 @@ Evaluate the Jacobian of a function.
 @return as swb_function_eval
 """
 swb_function_eval_jacobian(f, at, out, nnz) =
-    ccall(address(45), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64), f, at, out, nnz)
+    ccall(address(46), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64), f, at, out, nnz)
 
 """
     swb_function_eval_hessian(f, at, weights, n_weights, out, nnz) -> swb_status
@@ -2891,7 +2902,7 @@ Evaluate the Hessian of the weighted sum of the outputs of a function.
 @return as swb_function_eval
 """
 swb_function_eval_hessian(f, at, weights, n_weights, out, nnz) =
-    ccall(address(46), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), f,
+    ccall(address(47), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), f,
         at, weights, n_weights, out, nnz)
 
 """
@@ -2909,7 +2920,7 @@ of thousands of inputs it takes minutes, and only a negative code of a callback 
         SWB_ERR_DIMENSION if the buffer is too short; else as swb_function_eval
 """
 swb_function_check_derivatives(f, at, passed, max_error, buf, len, needed) =
-    ccall(address(47), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Int32}, Ptr{Cdouble}, Ptr{UInt8}, Int64,
+    ccall(address(48), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Int32}, Ptr{Cdouble}, Ptr{UInt8}, Int64,
         Ptr{Int64}), f, at, passed, max_error, buf, len, needed)
 
 """
@@ -2917,7 +2928,7 @@ swb_function_check_derivatives(f, at, passed, max_error, buf, len, needed) =
 
 Free the handle; models that have the function keep it. NULL is allowed.
 """
-swb_function_free(f) = ccall(address(48), Cvoid, (Ptr{swb_function},), f)
+swb_function_free(f) = ccall(address(49), Cvoid, (Ptr{swb_function},), f)
 
 """
     swb_function_from_casadi_library(path, name, inputs, nx, nu, np, out) -> swb_status
@@ -2946,7 +2957,7 @@ refused, but a file that is damaged otherwise, or changes while it is loaded, ca
         that are not double
 """
 swb_function_from_casadi_library(path, name, inputs, nx, nu, np, out) =
-    ccall(address(49), swb_status, (Cstring, Cstring, Cstring, Int64, Int64, Int64, Ptr{Ptr{swb_function}}), path,
+    ccall(address(50), swb_status, (Cstring, Cstring, Cstring, Int64, Int64, Int64, Ptr{Ptr{swb_function}}), path,
         name, inputs, nx, nu, np, out)
 
 """
@@ -2964,7 +2975,7 @@ swb_function_from_casadi_library.
 @return as swb_function_from_casadi_library
 """
 swb_function_from_casadi_pointers(name, value, jacobian, hessian, inputs, nx, nu, np, out) =
-    ccall(address(50), swb_status, (Cstring, Ptr{swb_casadi}, Ptr{swb_casadi}, Ptr{swb_casadi}, Cstring, Int64,
+    ccall(address(51), swb_status, (Cstring, Ptr{swb_casadi}, Ptr{swb_casadi}, Ptr{swb_casadi}, Cstring, Int64,
         Int64, Int64, Ptr{Ptr{swb_function}}), name, value, jacobian, hessian, inputs, nx, nu, np, out)
 
 """
@@ -2983,7 +2994,7 @@ The functions of the file stay loaded until the program ends.
 @return as swb_function_from_casadi_library
 """
 swb_function_from_casadi_file(casadi, file, name, inputs, nx, nu, np, out) =
-    ccall(address(51), swb_status, (Cstring, Cstring, Cstring, Cstring, Int64, Int64, Int64,
+    ccall(address(52), swb_status, (Cstring, Cstring, Cstring, Cstring, Int64, Int64, Int64,
         Ptr{Ptr{swb_function}}), casadi, file, name, inputs, nx, nu, np, out)
 
 """
@@ -2998,7 +3009,7 @@ Create a system without dynamics.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_system_create(nx, nu, np, out) =
-    ccall(address(52), swb_status, (Int64, Int64, Int64, Ptr{Ptr{swb_system}}), nx, nu, np, out)
+    ccall(address(53), swb_status, (Int64, Int64, Int64, Ptr{Ptr{swb_system}}), nx, nu, np, out)
 
 """
     swb_system_set_f0(system, f0) -> swb_status
@@ -3007,7 +3018,7 @@ Set the part of the right-hand side that does not switch: nx outputs.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_system_set_f0(system, f0) = ccall(address(53), swb_status, (Ptr{swb_system}, Ptr{swb_function}), system, f0)
+swb_system_set_f0(system, f0) = ccall(address(54), swb_status, (Ptr{swb_system}, Ptr{swb_function}), system, f0)
 
 """
     swb_system_add_subsystem(system, rows, n_rows, modes, n_modes, psi, signs, n_signs, index) -> swb_status
@@ -3024,7 +3035,7 @@ signs[i][j] psi_j(x) > 0 for every j with signs[i][j] != 0.
 @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if rows repeat or regions overlap
 """
 swb_system_add_subsystem(system, rows, n_rows, modes, n_modes, psi, signs, n_signs, index) =
-    ccall(address(54), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Int64, Ptr{swb_function},
+    ccall(address(55), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Int64, Ptr{swb_function},
         Ptr{Int8}, Int64, Ptr{Int64}), system, rows, n_rows, modes, n_modes, psi, signs, n_signs, index)
 
 """
@@ -3040,7 +3051,7 @@ is the smallest.
 @return as swb_system_add_subsystem
 """
 swb_system_add_subsystem_indicators(system, rows, n_rows, modes, n_modes, indicators, index) =
-    ccall(address(55), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Int64, Ptr{swb_function},
+    ccall(address(56), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Int64, Ptr{swb_function},
         Ptr{Int64}), system, rows, n_rows, modes, n_modes, indicators, index)
 
 """
@@ -3059,7 +3070,7 @@ two modes, psi_j > 0 and psi_j < 0, behind the subsystems.
 @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if rows repeat
 """
 swb_system_add_inclusion(system, rows, n_rows, f, psi, index) =
-    ccall(address(56), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Ptr{swb_function},
+    ccall(address(57), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Ptr{swb_function},
         Ptr{Int64}), system, rows, n_rows, f, psi, index)
 
 """
@@ -3075,7 +3086,7 @@ simulation refuses them.
 @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit
 """
 swb_system_set_algebraic(system, n_z, g) =
-    ccall(address(57), swb_status, (Ptr{swb_system}, Int64, Ptr{swb_function}), system, n_z, g)
+    ccall(address(58), swb_status, (Ptr{swb_system}, Int64, Ptr{swb_function}), system, n_z, g)
 
 """
     swb_system_sizes(system, nx, nu, np, n_subsystems) -> swb_status
@@ -3085,7 +3096,7 @@ Sizes of a system. Any output may be NULL.
 @return SWB_OK
 """
 swb_system_sizes(system, nx, nu, np, n_subsystems) =
-    ccall(address(58), swb_status, (Ptr{swb_system}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), system, nx,
+    ccall(address(59), swb_status, (Ptr{swb_system}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), system, nx,
         nu, np, n_subsystems)
 
 """
@@ -3101,7 +3112,7 @@ g_i - g_j, i < j, of its indicators, NaN where both are not the smallest two.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NONFINITE if a function is not defined at the point
 """
 swb_system_surfaces(system, subsystem, at, values, n, needed) =
-    ccall(address(59), swb_status, (Ptr{swb_system}, Int64, Ptr{swb_point}, Ptr{Cdouble}, Int64, Ptr{Int64}),
+    ccall(address(60), swb_status, (Ptr{swb_system}, Int64, Ptr{swb_point}, Ptr{Cdouble}, Int64, Ptr{Int64}),
         system, subsystem, at, values, n, needed)
 
 """
@@ -3109,7 +3120,7 @@ swb_system_surfaces(system, subsystem, at, values, n, needed) =
 
 Free; objects made of the system keep what they need. NULL is allowed.
 """
-swb_system_free(system) = ccall(address(60), Cvoid, (Ptr{swb_system},), system)
+swb_system_free(system) = ccall(address(61), Cvoid, (Ptr{swb_system},), system)
 
 """
     swb_expr_create(out) -> swb_status
@@ -3119,7 +3130,7 @@ Create a graph without expressions.
 @param[out] out the new object, NULL on failure; free with swb_expr_free
 @return SWB_OK; SWB_ERR_NULL
 """
-swb_expr_create(out) = ccall(address(61), swb_status, (Ptr{Ptr{swb_expr}},), out)
+swb_expr_create(out) = ccall(address(62), swb_status, (Ptr{Ptr{swb_expr}},), out)
 
 """
     swb_expr_constants(graph, values, n, out, n_out) -> swb_status
@@ -3131,7 +3142,7 @@ Constants. Values that are not finite are refused when a function is made of the
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_expr_constants(graph, values, n, out, n_out) =
-    ccall(address(62), swb_status, (Ptr{swb_expr}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), graph, values, n, out,
+    ccall(address(63), swb_status, (Ptr{swb_expr}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), graph, values, n, out,
         n_out)
 
 """
@@ -3145,7 +3156,7 @@ Inputs of one block.
 @return SWB_OK; SWB_ERR_RANGE if there is no such block; SWB_ERR_DIMENSION
 """
 swb_expr_inputs(graph, block, first, out, n) =
-    ccall(address(63), swb_status, (Ptr{swb_expr}, Int32, Int64, Ptr{Int64}, Int64), graph, block, first, out, n)
+    ccall(address(64), swb_status, (Ptr{swb_expr}, Int32, Int64, Ptr{Int64}, Int64), graph, block, first, out, n)
 
 """
     swb_expr_apply(graph, op, a, b, c, out, n) -> swb_status
@@ -3161,7 +3172,7 @@ Apply an operator element by element.
         value; SWB_ERR_NULL; SWB_ERR_DIMENSION if an operand is too many
 """
 swb_expr_apply(graph, op, a, b, c, out, n) =
-    ccall(address(64), swb_status, (Ptr{swb_expr}, Int32, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Int64),
+    ccall(address(65), swb_status, (Ptr{swb_expr}, Int32, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Int64),
         graph, op, a, b, c, out, n)
 
 """
@@ -3175,7 +3186,7 @@ Product of matrices stored by columns: a is m times k, b is k times n.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_expr_matmul(graph, m, k, n, a, n_a, b, n_b, out, n_out) =
-    ccall(address(65), swb_status, (Ptr{swb_expr}, Int64, Int64, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64,
+    ccall(address(66), swb_status, (Ptr{swb_expr}, Int64, Int64, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64), graph, m, k, n, a, n_a, b, n_b, out, n_out)
 
 """
@@ -3190,7 +3201,7 @@ all right-hand sides and derivatives.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the matrix is singular whatever its entries are
 """
 swb_expr_solve(graph, matrix, n_matrix, rhs, out, n) =
-    ccall(address(66), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Int64), graph, matrix,
+    ccall(address(67), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Int64), graph, matrix,
         n_matrix, rhs, out, n)
 
 """
@@ -3206,7 +3217,7 @@ Values of a table.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION
 """
 swb_expr_table(graph, kind, points, n_points, values, n_values, a, out, n) =
-    ccall(address(67), swb_status, (Ptr{swb_expr}, Int32, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(68), swb_status, (Ptr{swb_expr}, Int32, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Int64}, Int64), graph, kind, points, n_points, values, n_values, a, out, n)
 
 """
@@ -3219,7 +3230,7 @@ Outputs of a function at expressions. Derivatives are those of the function.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_expr_call(graph, f, args, n_args, out, n_out) =
-    ccall(address(68), swb_status, (Ptr{swb_expr}, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
+    ccall(address(69), swb_status, (Ptr{swb_expr}, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
         f, args, n_args, out, n_out)
 
 """
@@ -3233,7 +3244,7 @@ Jacobian of expressions as expressions, by columns; entries that vanish are the 
 @return SWB_OK; SWB_ERR_RANGE if wrt holds what is no input; SWB_ERR_UNSUPPORTED for operators that switch
 """
 swb_expr_jacobian(graph, outputs, n_outputs, wrt, n_wrt, out, n_out) =
-    ccall(address(69), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
+    ccall(address(70), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
         outputs, n_outputs, wrt, n_wrt, out, n_out)
 
 """
@@ -3246,7 +3257,7 @@ An expression as text, cut where it is long.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_expr_text(graph, expression, buf, len, needed) =
-    ccall(address(70), swb_status, (Ptr{swb_expr}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), graph, expression, buf,
+    ccall(address(71), swb_status, (Ptr{swb_expr}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), graph, expression, buf,
         len, needed)
 
 """
@@ -3262,7 +3273,7 @@ swb_ocp_set_lagrange says; others than the costs of optimal control problems ref
         finite; SWB_ERR_UNSUPPORTED for other operators that switch
 """
 swb_expr_function(graph, name, nx, nu, np, outputs, n_outputs, out) =
-    ccall(address(71), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Int64,
+    ccall(address(72), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_function}}), graph, name, nx, nu, np, outputs, n_outputs, out)
 
 """
@@ -3270,7 +3281,7 @@ swb_expr_function(graph, name, nx, nu, np, outputs, n_outputs, out) =
 
 Free the graph; functions and models made of it stay. NULL is allowed.
 """
-swb_expr_free(graph) = ccall(address(72), Cvoid, (Ptr{swb_expr},), graph)
+swb_expr_free(graph) = ccall(address(73), Cvoid, (Ptr{swb_expr},), graph)
 
 """
     swb_model_create(graph, name, nx, nu, np, rhs, names, trial, out) -> swb_status
@@ -3290,7 +3301,7 @@ may be 2097152 of them.
         as swb_expr_function
 """
 swb_model_create(graph, name, nx, nu, np, rhs, names, trial, out) =
-    ccall(address(73), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Cstring,
+    ccall(address(74), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Cstring,
         Ptr{swb_point}, Ptr{Ptr{swb_model}}), graph, name, nx, nu, np, rhs, names, trial, out)
 
 """
@@ -3301,7 +3312,7 @@ The system of a model.
 @param[out] out the new object, NULL on failure; free with swb_system_free
 @return SWB_OK; SWB_ERR_NULL
 """
-swb_model_system(model, out) = ccall(address(74), swb_status, (Ptr{swb_model}, Ptr{Ptr{swb_system}}), model, out)
+swb_model_system(model, out) = ccall(address(75), swb_status, (Ptr{swb_model}, Ptr{Ptr{swb_system}}), model, out)
 
 """
     swb_model_counts(model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs) -> swb_status
@@ -3316,7 +3327,7 @@ What a model consists of. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_counts(model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs) =
-    ccall(address(75), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}),
+    ccall(address(76), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}),
         model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs)
 
 """
@@ -3331,7 +3342,7 @@ was dropped or merged and why, and what looks wrong.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_model_report(model, json, buf, len, needed) =
-    ccall(address(76), swb_status, (Ptr{swb_model}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), model, json, buf, len,
+    ccall(address(77), swb_status, (Ptr{swb_model}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), model, json, buf, len,
         needed)
 
 """
@@ -3350,14 +3361,14 @@ they write all entries, of the patterns beside the declarations, and return 0, o
         the buffer is too short
 """
 swb_model_write_c(model, buf, len, needed) =
-    ccall(address(77), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(78), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_free(model) -> Cvoid
 
 Free; systems made of the model stay. NULL is allowed.
 """
-swb_model_free(model) = ccall(address(78), Cvoid, (Ptr{swb_model},), model)
+swb_model_free(model) = ccall(address(79), Cvoid, (Ptr{swb_model},), model)
 
 """
     swb_trajectory_get_info(trajectory, info, struct_size) -> swb_status
@@ -3369,7 +3380,7 @@ Numbers of a trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_trajectory_get_info(trajectory, info, struct_size) =
-    ccall(address(79), swb_status, (Ptr{swb_trajectory}, Ptr{swb_trajectory_info}, UInt64), trajectory, info,
+    ccall(address(80), swb_status, (Ptr{swb_trajectory}, Ptr{swb_trajectory_info}, UInt64), trajectory, info,
         struct_size)
 
 """
@@ -3381,7 +3392,7 @@ Times of the element boundaries.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_times(trajectory, t, n) =
-    ccall(address(80), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
+    ccall(address(81), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
 
 """
     swb_trajectory_states(trajectory, x, n) -> swb_status
@@ -3393,7 +3404,7 @@ States at the element boundaries.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_states(trajectory, x, n) =
-    ccall(address(81), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
+    ccall(address(82), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
 
 """
     swb_trajectory_steps(trajectory, h, n) -> swb_status
@@ -3404,7 +3415,7 @@ Lengths of the elements.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_steps(trajectory, h, n) =
-    ccall(address(82), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, h, n)
+    ccall(address(83), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, h, n)
 
 """
     swb_trajectory_control_stages(trajectory, stage, n) -> swb_status
@@ -3415,7 +3426,7 @@ Control stages the elements belong to; 0 in simulations.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_control_stages(trajectory, stage, n) =
-    ccall(address(83), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, stage, n)
+    ccall(address(84), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, stage, n)
 
 """
     swb_trajectory_modes(trajectory, n_modes, n) -> swb_status
@@ -3426,7 +3437,7 @@ Numbers of modes of the subsystems that can switch.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_modes(trajectory, n_modes, n) =
-    ccall(address(84), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, n_modes, n)
+    ccall(address(85), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, n_modes, n)
 
 """
     swb_trajectory_active(trajectory, active, n) -> swb_status
@@ -3437,7 +3448,7 @@ Which modes are active in the elements: one alone, or several in a sliding mode.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_active(trajectory, active, n) =
-    ccall(address(85), swb_status, (Ptr{swb_trajectory}, Ptr{Int32}, Int64), trajectory, active, n)
+    ccall(address(86), swb_status, (Ptr{swb_trajectory}, Ptr{Int32}, Int64), trajectory, active, n)
 
 """
     swb_trajectory_stage_times(trajectory, t, n) -> swb_status
@@ -3448,7 +3459,7 @@ Times of the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_times(trajectory, t, n) =
-    ccall(address(86), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
+    ccall(address(87), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
 
 """
     swb_trajectory_stage_states(trajectory, x, n) -> swb_status
@@ -3459,7 +3470,7 @@ States at the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_states(trajectory, x, n) =
-    ccall(address(87), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
+    ccall(address(88), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
 
 """
     swb_trajectory_stage_theta(trajectory, theta, n) -> swb_status
@@ -3470,7 +3481,7 @@ Convex multipliers of the modes at the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_theta(trajectory, theta, n) =
-    ccall(address(88), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, theta, n)
+    ccall(address(89), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, theta, n)
 
 """
     swb_trajectory_switches(trajectory, switches, n, struct_size) -> swb_status
@@ -3482,7 +3493,7 @@ Switches in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_switches(trajectory, switches, n, struct_size) =
-    ccall(address(89), swb_status, (Ptr{swb_trajectory}, Ptr{swb_switch}, Int64, UInt64), trajectory, switches, n,
+    ccall(address(90), swb_status, (Ptr{swb_trajectory}, Ptr{swb_switch}, Int64, UInt64), trajectory, switches, n,
         struct_size)
 
 """
@@ -3495,7 +3506,7 @@ States at any times, by the polynomials of the elements.
 @return SWB_OK; SWB_ERR_RANGE if a time is outside; SWB_ERR_STATE if the trajectory is empty
 """
 swb_trajectory_state_at(trajectory, t, n_t, x, n_x) =
-    ccall(address(90), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), trajectory, t,
+    ccall(address(91), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), trajectory, t,
         n_t, x, n_x)
 
 """
@@ -3503,7 +3514,7 @@ swb_trajectory_state_at(trajectory, t, n_t, x, n_x) =
 
 Free; NULL is allowed.
 """
-swb_trajectory_free(trajectory) = ccall(address(91), Cvoid, (Ptr{swb_trajectory},), trajectory)
+swb_trajectory_free(trajectory) = ccall(address(92), Cvoid, (Ptr{swb_trajectory},), trajectory)
 
 """
     swb_simulator_create(system, settings, out) -> swb_status
@@ -3517,7 +3528,7 @@ Create a simulator. Time, state, controls and parameters are zero until they are
         range; SWB_ERR_UNSUPPORTED if options do not go together
 """
 swb_simulator_create(system, settings, out) =
-    ccall(address(92), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_simulator}}), system, settings,
+    ccall(address(93), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_simulator}}), system, settings,
         out)
 
 """
@@ -3529,7 +3540,7 @@ Set time and state, and begin a new trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_simulator_set_state(sim, t, x, nx) =
-    ccall(address(93), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Cdouble}, Int64), sim, t, x, nx)
+    ccall(address(94), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Cdouble}, Int64), sim, t, x, nx)
 
 """
     swb_simulator_set_controls(sim, u, nu) -> swb_status
@@ -3540,7 +3551,7 @@ Set the controls, constant from now on.
 @return as swb_simulator_set_state
 """
 swb_simulator_set_controls(sim, u, nu) =
-    ccall(address(94), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, u, nu)
+    ccall(address(95), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, u, nu)
 
 """
     swb_simulator_set_params(sim, p, np) -> swb_status
@@ -3551,7 +3562,7 @@ Set the parameters.
 @return as swb_simulator_set_state
 """
 swb_simulator_set_params(sim, p, np) =
-    ccall(address(95), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, p, np)
+    ccall(address(96), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, p, np)
 
 """
     swb_simulator_run(sim, duration, n_steps, outcome) -> swb_status
@@ -3565,7 +3576,7 @@ the last step that was done.
         SWB_ERR_NONFINITE if one has no value where it is needed
 """
 swb_simulator_run(sim, duration, n_steps, outcome) =
-    ccall(address(96), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{Int32}), sim, duration, n_steps,
+    ccall(address(97), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{Int32}), sim, duration, n_steps,
         outcome)
 
 """
@@ -3577,7 +3588,7 @@ Simulate one step of n_fe finite elements over the duration h; the trajectory gr
 @return as swb_simulator_run
 """
 swb_simulator_step(sim, h, outcome) =
-    ccall(address(97), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Int32}), sim, h, outcome)
+    ccall(address(98), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Int32}), sim, h, outcome)
 
 """
     swb_simulator_clear(sim) -> swb_status
@@ -3586,7 +3597,7 @@ Forget trajectory and statistics; time and state stay.
 
 @return SWB_OK
 """
-swb_simulator_clear(sim) = ccall(address(98), swb_status, (Ptr{swb_simulator},), sim)
+swb_simulator_clear(sim) = ccall(address(99), swb_status, (Ptr{swb_simulator},), sim)
 
 """
     swb_simulator_sizes(sim, nx, nu, np) -> swb_status
@@ -3599,7 +3610,7 @@ Sizes of a simulator.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_simulator_sizes(sim, nx, nu, np) =
-    ccall(address(99), swb_status, (Ptr{swb_simulator}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), sim, nx, nu, np)
+    ccall(address(100), swb_status, (Ptr{swb_simulator}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), sim, nx, nu, np)
 
 """
     swb_simulator_get_time(sim, t) -> swb_status
@@ -3608,7 +3619,7 @@ Time reached.
 
 @return SWB_OK
 """
-swb_simulator_get_time(sim, t) = ccall(address(100), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}), sim, t)
+swb_simulator_get_time(sim, t) = ccall(address(101), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}), sim, t)
 
 """
     swb_simulator_get_state(sim, x, nx) -> swb_status
@@ -3619,7 +3630,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_state(sim, x, nx) =
-    ccall(address(101), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, x, nx)
+    ccall(address(102), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, x, nx)
 
 """
     swb_simulator_get_outcome(sim, outcome) -> swb_status
@@ -3630,7 +3641,7 @@ How the last step ended.
 @return SWB_OK
 """
 swb_simulator_get_outcome(sim, outcome) =
-    ccall(address(102), swb_status, (Ptr{swb_simulator}, Ptr{Int32}), sim, outcome)
+    ccall(address(103), swb_status, (Ptr{swb_simulator}, Ptr{Int32}), sim, outcome)
 
 """
     swb_simulator_get_residuals(sim, residuals, struct_size) -> swb_status
@@ -3642,7 +3653,7 @@ Largest residuals over the steps of the trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_residuals(sim, residuals, struct_size) =
-    ccall(address(103), swb_status, (Ptr{swb_simulator}, Ptr{swb_residuals}, UInt64), sim, residuals, struct_size)
+    ccall(address(104), swb_status, (Ptr{swb_simulator}, Ptr{swb_residuals}, UInt64), sim, residuals, struct_size)
 
 """
     swb_simulator_get_stats(sim, stats, struct_size) -> swb_status
@@ -3654,7 +3665,7 @@ What the steps of the trajectory cost.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_stats(sim, stats, struct_size) =
-    ccall(address(104), swb_status, (Ptr{swb_simulator}, Ptr{swb_stats}, UInt64), sim, stats, struct_size)
+    ccall(address(105), swb_status, (Ptr{swb_simulator}, Ptr{swb_stats}, UInt64), sim, stats, struct_size)
 
 """
     swb_simulator_get_trajectory(sim, out) -> swb_status
@@ -3665,7 +3676,7 @@ A copy of the trajectory since the state was set; empty before the first step.
 @return SWB_OK
 """
 swb_simulator_get_trajectory(sim, out) =
-    ccall(address(105), swb_status, (Ptr{swb_simulator}, Ptr{Ptr{swb_trajectory}}), sim, out)
+    ccall(address(106), swb_status, (Ptr{swb_simulator}, Ptr{Ptr{swb_trajectory}}), sim, out)
 
 """
     swb_simulator_set_int(sim, name, value) -> swb_status
@@ -3675,7 +3686,7 @@ Set an integer or enumeration option of a simulator (or a float one, to an integ
 @return as swb_settings_set_int
 """
 swb_simulator_set_int(sim, name, value) =
-    ccall(address(106), swb_status, (Ptr{swb_simulator}, Cstring, Int64), sim, name, value)
+    ccall(address(107), swb_status, (Ptr{swb_simulator}, Cstring, Int64), sim, name, value)
 
 """
     swb_simulator_set_double(sim, name, value) -> swb_status
@@ -3685,7 +3696,7 @@ Set a float option of a simulator by name.
 @return as swb_settings_set_double
 """
 swb_simulator_set_double(sim, name, value) =
-    ccall(address(107), swb_status, (Ptr{swb_simulator}, Cstring, Cdouble), sim, name, value)
+    ccall(address(108), swb_status, (Ptr{swb_simulator}, Cstring, Cdouble), sim, name, value)
 
 """
     swb_simulator_set_string(sim, name, value) -> swb_status
@@ -3695,7 +3706,7 @@ Set any option of a simulator by name from text: a number, or the value name of 
 @return as swb_settings_set_string
 """
 swb_simulator_set_string(sim, name, value) =
-    ccall(address(108), swb_status, (Ptr{swb_simulator}, Cstring, Cstring), sim, name, value)
+    ccall(address(109), swb_status, (Ptr{swb_simulator}, Cstring, Cstring), sim, name, value)
 
 """
     swb_simulator_set_settings(sim, settings) -> swb_status
@@ -3706,7 +3717,7 @@ Set all options of a simulator.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_simulator_set_settings(sim, settings) =
-    ccall(address(109), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}), sim, settings)
+    ccall(address(110), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}), sim, settings)
 
 """
     swb_simulator_get_settings(sim, settings, struct_size) -> swb_status
@@ -3718,7 +3729,7 @@ Options of a simulator, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_settings(sim, settings, struct_size) =
-    ccall(address(110), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}, UInt64), sim, settings, struct_size)
+    ccall(address(111), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}, UInt64), sim, settings, struct_size)
 
 """
     swb_simulator_set_iteration(sim, iteration, user_data) -> swb_status
@@ -3729,7 +3740,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_simulator_set_iteration(sim, iteration, user_data) =
-    ccall(address(111), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, iteration, user_data)
+    ccall(address(112), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, iteration, user_data)
 
 """
     swb_simulator_set_log(sim, log, user_data) -> swb_status
@@ -3740,7 +3751,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_simulator_set_log(sim, log, user_data) =
-    ccall(address(112), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, log, user_data)
+    ccall(address(113), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, log, user_data)
 
 """
     swb_simulator_interrupt(sim) -> swb_status
@@ -3752,21 +3763,21 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_simulator_interrupt(sim) = ccall(address(113), swb_status, (Ptr{swb_simulator},), sim)
+swb_simulator_interrupt(sim) = ccall(address(114), swb_status, (Ptr{swb_simulator},), sim)
 
 """
     swb_simulator_free(sim) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_simulator_free(sim) = ccall(address(114), Cvoid, (Ptr{swb_simulator},), sim)
+swb_simulator_free(sim) = ccall(address(115), Cvoid, (Ptr{swb_simulator},), sim)
 
 """
     swb_run_outcome_name(outcome) -> Cstring
 
 Name of an outcome of an event-driven simulation, such as \"reached\"; NULL for any other number. Static.
 """
-swb_run_outcome_name(outcome) = ccall(address(115), Cstring, (Int32,), outcome)
+swb_run_outcome_name(outcome) = ccall(address(116), Cstring, (Int32,), outcome)
 
 """
     swb_run_get_info(run, info, struct_size) -> swb_status
@@ -3778,7 +3789,7 @@ Numbers of a run.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_get_info(run, info, struct_size) =
-    ccall(address(116), swb_status, (Ptr{swb_run}, Ptr{swb_run_info}, UInt64), run, info, struct_size)
+    ccall(address(117), swb_status, (Ptr{swb_run}, Ptr{swb_run_info}, UInt64), run, info, struct_size)
 
 """
     swb_run_reason(run, buf, len, needed) -> swb_status
@@ -3790,7 +3801,7 @@ Why a run ended early, in words; \"\" if it reached its time.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_run_reason(run, buf, len, needed) =
-    ccall(address(117), swb_status, (Ptr{swb_run}, Ptr{UInt8}, Int64, Ptr{Int64}), run, buf, len, needed)
+    ccall(address(118), swb_status, (Ptr{swb_run}, Ptr{UInt8}, Int64, Ptr{Int64}), run, buf, len, needed)
 
 """
     swb_run_get_stats(run, stats, struct_size) -> swb_status
@@ -3802,7 +3813,7 @@ Work of a run.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_get_stats(run, stats, struct_size) =
-    ccall(address(118), swb_status, (Ptr{swb_run}, Ptr{swb_run_stats}, UInt64), run, stats, struct_size)
+    ccall(address(119), swb_status, (Ptr{swb_run}, Ptr{swb_run_stats}, UInt64), run, stats, struct_size)
 
 """
     swb_run_state(run, x, nx) -> swb_status
@@ -3812,7 +3823,7 @@ State reached.
 @param[out] x [nx]
 @return SWB_OK; SWB_ERR_DIMENSION
 """
-swb_run_state(run, x, nx) = ccall(address(119), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, x, nx)
+swb_run_state(run, x, nx) = ccall(address(120), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, x, nx)
 
 """
     swb_run_events(run, events, n, struct_size) -> swb_status
@@ -3824,7 +3835,7 @@ Switches in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_events(run, events, n, struct_size) =
-    ccall(address(120), swb_status, (Ptr{swb_run}, Ptr{swb_event}, Int64, UInt64), run, events, n, struct_size)
+    ccall(address(121), swb_status, (Ptr{swb_run}, Ptr{swb_event}, Int64, UInt64), run, events, n, struct_size)
 
 """
     swb_run_branch_points(run, points, n, struct_size) -> swb_status
@@ -3836,7 +3847,7 @@ Points with several continuations, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_branch_points(run, points, n, struct_size) =
-    ccall(address(121), swb_status, (Ptr{swb_run}, Ptr{swb_branch_point}, Int64, UInt64), run, points, n,
+    ccall(address(122), swb_status, (Ptr{swb_run}, Ptr{swb_branch_point}, Int64, UInt64), run, points, n,
         struct_size)
 
 """
@@ -3849,7 +3860,7 @@ Surfaces only touched, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_contacts(run, contacts, n, struct_size) =
-    ccall(address(122), swb_status, (Ptr{swb_run}, Ptr{swb_contact}, Int64, UInt64), run, contacts, n, struct_size)
+    ccall(address(123), swb_status, (Ptr{swb_run}, Ptr{swb_contact}, Int64, UInt64), run, contacts, n, struct_size)
 
 """
     swb_run_accumulations(run, points, n, struct_size) -> swb_status
@@ -3861,7 +3872,7 @@ Accumulating switches, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_accumulations(run, points, n, struct_size) =
-    ccall(address(123), swb_status, (Ptr{swb_run}, Ptr{swb_accumulation}, Int64, UInt64), run, points, n,
+    ccall(address(124), swb_status, (Ptr{swb_run}, Ptr{swb_accumulation}, Int64, UInt64), run, points, n,
         struct_size)
 
 """
@@ -3872,7 +3883,7 @@ Numbers of modes of the subsystems that can switch.
 @param[out] n_modes [n] n_subsystems
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
-swb_run_modes(run, n_modes, n) = ccall(address(124), swb_status, (Ptr{swb_run}, Ptr{Int64}, Int64), run, n_modes, n)
+swb_run_modes(run, n_modes, n) = ccall(address(125), swb_status, (Ptr{swb_run}, Ptr{Int64}, Int64), run, n_modes, n)
 
 """
     swb_run_event_modes(run, index, before, after, n) -> swb_status
@@ -3885,7 +3896,7 @@ Which modes of its subsystem are active before and after a switch.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_event_modes(run, index, before, after, n) =
-    ccall(address(125), swb_status, (Ptr{swb_run}, Int64, Ptr{Int32}, Ptr{Int32}, Int64), run, index, before, after,
+    ccall(address(126), swb_status, (Ptr{swb_run}, Int64, Ptr{Int32}, Ptr{Int32}, Int64), run, index, before, after,
         n)
 
 """
@@ -3900,7 +3911,7 @@ controls no columns remain.
 @param[out] s [n] nx * n_columns, by columns: those of the initial states, then of the parameters, then of the controls
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE without the option sensitivity
 """
-swb_run_sensitivity(run, s, n) = ccall(address(126), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, s, n)
+swb_run_sensitivity(run, s, n) = ccall(address(127), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, s, n)
 
 """
     swb_run_event_sensitivity(run, index, dt, n) -> swb_status
@@ -3913,7 +3924,7 @@ none.
 @return as swb_run_sensitivity
 """
 swb_run_event_sensitivity(run, index, dt, n) =
-    ccall(address(127), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(128), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_times(run, t, n) -> swb_status
@@ -3923,7 +3934,7 @@ Times between which the dense output has a polynomial each: starts and ends of t
 @param[out] t [n] n_pieces + 1; none if there are no pieces
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
-swb_run_times(run, t, n) = ccall(address(128), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, t, n)
+swb_run_times(run, t, n) = ccall(address(129), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, t, n)
 
 """
     swb_run_evaluate(run, t, n_t, k, x, n_x) -> swb_status
@@ -3936,7 +3947,7 @@ States at any times of the run, or their derivatives with respect to time. At a 
 @return SWB_OK; SWB_ERR_RANGE if a time is outside or k is negative; SWB_ERR_STATE without the option dense
 """
 swb_run_evaluate(run, t, n_t, k, x, n_x) =
-    ccall(address(129), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Int64, Ptr{Cdouble}, Int64), run, t, n_t, k,
+    ccall(address(130), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Int64, Ptr{Cdouble}, Int64), run, t, n_t, k,
         x, n_x)
 
 """
@@ -3944,7 +3955,7 @@ swb_run_evaluate(run, t, n_t, k, x, n_x) =
 
 Free; NULL is allowed.
 """
-swb_run_free(run) = ccall(address(130), Cvoid, (Ptr{swb_run},), run)
+swb_run_free(run) = ccall(address(131), Cvoid, (Ptr{swb_run},), run)
 
 """
     swb_system_add_transition(system, guard, direction, from_states, n_from_states, from_values, n_from_values, reset, to_states, n_to_states, to_values, n_to_values, index) -> swb_status
@@ -3971,7 +3982,7 @@ own guard beyond zero is watched again when the guard has been back.
 """
 swb_system_add_transition(system, guard, direction, from_states, n_from_states, from_values, n_from_values, reset,
     to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(131), swb_status, (Ptr{swb_system}, Ptr{swb_function}, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(132), swb_status, (Ptr{swb_system}, Ptr{swb_function}, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), system, guard, direction,
         from_states, n_from_states, from_values, n_from_values, reset, to_states, n_to_states, to_values,
         n_to_values, index)
@@ -3986,7 +3997,7 @@ The transitions of a run in the order they were made; their number is n_jumps of
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_jumps(run, jumps, n, struct_size) =
-    ccall(address(132), swb_status, (Ptr{swb_run}, Ptr{swb_jump}, Int64, UInt64), run, jumps, n, struct_size)
+    ccall(address(133), swb_status, (Ptr{swb_run}, Ptr{swb_jump}, Int64, UInt64), run, jumps, n, struct_size)
 
 """
     swb_run_jump_states(run, index, before, after, n) -> swb_status
@@ -3999,7 +4010,7 @@ The states just before and just behind a transition.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_jump_states(run, index, before, after, n) =
-    ccall(address(133), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), run, index, before,
+    ccall(address(134), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), run, index, before,
         after, n)
 
 """
@@ -4012,7 +4023,7 @@ Derivatives of the time of a transition with respect to initial states, paramete
 @return as swb_run_sensitivity
 """
 swb_run_jump_sensitivity(run, index, dt, n) =
-    ccall(address(134), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(135), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_scene_create(name, n_q, n_v, nu, np, names, out) -> swb_status
@@ -4030,7 +4041,7 @@ velocities the rates of the coordinates are the velocities.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_scene_create(name, n_q, n_v, nu, np, names, out) =
-    ccall(address(135), swb_status, (Cstring, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, n_q,
+    ccall(address(136), swb_status, (Cstring, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, n_q,
         n_v, nu, np, names, out)
 
 """
@@ -4051,7 +4062,7 @@ constraint c_i, without tangents, friction and restitution; multipliers are the 
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_scene_create_projected(name, nx, nu, np, names, out) =
-    ccall(address(136), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
+    ccall(address(137), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
         names, out)
 
 """
@@ -4064,7 +4075,7 @@ Set the rates of the coordinates, linear in the velocities: q' = N(q) v.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE for numbers that are no expressions
 """
 swb_scene_set_rates(scene, graph, rates, n) =
-    ccall(address(137), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
+    ccall(address(138), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
 
 """
     swb_scene_set_inertia(scene, graph, entries, n) -> swb_status
@@ -4076,7 +4087,7 @@ Set the inertia matrix M: symmetric and positive definite; it may depend on coor
 @return as swb_scene_set_rates
 """
 swb_scene_set_inertia(scene, graph, entries, n) =
-    ccall(address(138), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
+    ccall(address(139), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
 
 """
     swb_scene_set_force(scene, graph, force, n) -> swb_status
@@ -4088,7 +4099,7 @@ Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact force
 @return as swb_scene_set_rates
 """
 swb_scene_set_force(scene, graph, force, n) =
-    ccall(address(139), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
+    ccall(address(140), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
 
 """
     swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) -> swb_status
@@ -4108,7 +4119,7 @@ Add a contact.
         that is there already
 """
 swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) =
-    ccall(address(140), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
+    ccall(address(141), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
         Ptr{Int64}), scene, graph, name, gap, tangents, n_tangents, friction, restitution, index)
 
 """
@@ -4123,7 +4134,7 @@ proof in the report. A simulation that leaves the bounds ends with an error if s
 @return SWB_OK; SWB_ERR_RANGE if there is no such coordinate, or a bound is NaN, or no number is between the bounds
 """
 swb_scene_set_bounds(scene, coordinate, low, high) =
-    ccall(address(141), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
+    ccall(address(142), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
 
 """
     swb_scene_set_impact_law(scene, law) -> swb_status
@@ -4133,7 +4144,7 @@ Set what happens where several contacts close at once.
 @param[in] law enum swb_impact_law
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_scene_set_impact_law(scene, law) = ccall(address(142), swb_status, (Ptr{swb_scene}, Int32), scene, law)
+swb_scene_set_impact_law(scene, law) = ccall(address(143), swb_status, (Ptr{swb_scene}, Int32), scene, law)
 
 """
     swb_scene_build(scene, graph) -> swb_status
@@ -4144,7 +4155,7 @@ Build the scene: derivatives, normals, and which contacts cannot close. Any chan
 @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
         with a message that names them
 """
-swb_scene_build(scene, graph) = ccall(address(143), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
+swb_scene_build(scene, graph) = ccall(address(144), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
 
 """
     swb_scene_system(scene, out) -> swb_status
@@ -4154,7 +4165,7 @@ The system of a scene that is built; its states are the coordinates, then the ve
 @param[out] out the new object, NULL on failure; free with swb_system_free
 @return SWB_OK; SWB_ERR_STATE if the scene is not built
 """
-swb_scene_system(scene, out) = ccall(address(144), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
+swb_scene_system(scene, out) = ccall(address(145), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
 
 """
     swb_scene_report(scene, json, buf, len, needed) -> swb_status
@@ -4167,7 +4178,7 @@ Report of a scene that is built: contacts with what they cost, and which were le
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE if the scene is not built
 """
 swb_scene_report(scene, json, buf, len, needed) =
-    ccall(address(145), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
+    ccall(address(146), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
         needed)
 
 """
@@ -4175,7 +4186,7 @@ swb_scene_report(scene, json, buf, len, needed) =
 
 Free; systems made of the scene stay. NULL is allowed.
 """
-swb_scene_free(scene) = ccall(address(146), Cvoid, (Ptr{swb_scene},), scene)
+swb_scene_free(scene) = ccall(address(147), Cvoid, (Ptr{swb_scene},), scene)
 
 """
     swb_run_impacts(run, impacts, n, struct_size) -> swb_status
@@ -4187,7 +4198,7 @@ The impacts of a run in the order they happened; their number is n_impacts of sw
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_impacts(run, impacts, n, struct_size) =
-    ccall(address(147), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
+    ccall(address(148), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
 
 """
     swb_run_impact_sensitivity(run, index, dt, n) -> swb_status
@@ -4199,7 +4210,7 @@ Derivatives of the time of an impact with respect to initial states, parameters 
 @return as swb_run_sensitivity
 """
 swb_run_impact_sensitivity(run, index, dt, n) =
-    ccall(address(148), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(149), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_contact_modes(run, t, n_t, modes, n) -> swb_status
@@ -4211,7 +4222,7 @@ Modes of the contacts of a scene at times.
 @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene; SWB_ERR_DIMENSION
 """
 swb_run_contact_modes(run, t, n_t, modes, n) =
-    ccall(address(149), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
+    ccall(address(150), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
 
 """
     swb_run_contact_forces(run, t, n_t, forces, n) -> swb_status
@@ -4225,7 +4236,7 @@ Forces of the contacts of a scene at times: forces, not impulses. Other times th
         outside; SWB_ERR_DIMENSION
 """
 swb_run_contact_forces(run, t, n_t, forces, n) =
-    ccall(address(150), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
+    ccall(address(151), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
         n)
 
 """
@@ -4240,7 +4251,7 @@ values (swb_model_set_value_names) are given behind this.
         if such a state has a derivative
 """
 swb_model_set_discrete(model, initial, n) =
-    ccall(address(151), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(152), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_set_value_names(model, discrete, names) -> swb_status
@@ -4252,7 +4263,7 @@ Name the values 0, 1, ... of a discrete state: the states of an automaton. Repor
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state; SWB_ERR_RANGE for names that are empty or repeat
 """
 swb_model_set_value_names(model, discrete, names) =
-    ccall(address(152), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
+    ccall(address(153), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
 
 """
     swb_model_get_value_names(model, discrete, buf, len, needed) -> swb_status
@@ -4265,7 +4276,7 @@ Names of the values of a discrete state, as swb_model_set_value_names takes them
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state, or the buffer is too short
 """
 swb_model_get_value_names(model, discrete, buf, len, needed) =
-    ccall(address(153), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
+    ccall(address(154), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
         len, needed)
 
 """
@@ -4287,7 +4298,7 @@ Add a transition to a model, and thereby to all systems made of it later; see sw
 """
 swb_model_add_transition(model, graph, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(154), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(155), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model,
         graph, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states,
         n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
@@ -4300,7 +4311,7 @@ Numbers of discrete states and of transitions of a model. Any output may be NULL
 @return SWB_OK
 """
 swb_model_transition_counts(model, n_discrete, n_transitions) =
-    ccall(address(155), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
+    ccall(address(156), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
 
 """
     swb_model_get_discrete(model, initial, n) -> swb_status
@@ -4311,7 +4322,7 @@ Values with which the discrete states, the last ones, begin.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_model_get_discrete(model, initial, n) =
-    ccall(address(156), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(157), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_transition_sizes(model, index, n_from, n_reset, n_to) -> swb_status
@@ -4325,7 +4336,7 @@ How long the lists of a transition of a model are. Any output may be NULL.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition
 """
 swb_model_transition_sizes(model, index, n_from, n_reset, n_to) =
-    ccall(address(157), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
+    ccall(address(158), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
         n_from, n_reset, n_to)
 
 """
@@ -4347,7 +4358,7 @@ those of the graph it was made of or read into.
 """
 swb_model_get_transition(model, index, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values) =
-    ccall(address(158), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(159), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64), model, index, guard,
         direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets,
         n_resets, to_states, n_to_states, to_values, n_to_values)
@@ -4363,7 +4374,7 @@ Create an integrator. Time, state, controls and parameters are zero until they a
 @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_create(system, settings, out) =
-    ccall(address(159), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
+    ccall(address(160), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
         settings, out)
 
 """
@@ -4376,7 +4387,7 @@ taken over. Controls, parameters and stop times stay.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite, or tolerances are too small
 """
 swb_integrator_reinit(integrator, t, x, nx) =
-    ccall(address(160), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
+    ccall(address(161), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
 
 """
     swb_integrator_set_controls(integrator, u, nu) -> swb_status
@@ -4387,7 +4398,7 @@ Set the controls, constant from now on. The active modes are found anew.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_integrator_set_controls(integrator, u, nu) =
-    ccall(address(161), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
+    ccall(address(162), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
 
 """
     swb_integrator_set_params(integrator, p, np) -> swb_status
@@ -4398,7 +4409,7 @@ Set the parameters. The active modes are found anew.
 @return as swb_integrator_set_controls
 """
 swb_integrator_set_params(integrator, p, np) =
-    ccall(address(162), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
+    ccall(address(163), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
 
 """
     swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) -> swb_status
@@ -4412,7 +4423,7 @@ next swb_integrator_reinit, or at once before the first step.
         small
 """
 swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) =
-    ccall(address(163), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
+    ccall(address(164), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
         rtol, n_rtol, atol, n_atol)
 
 """
@@ -4424,7 +4435,7 @@ Set times at which steps end, for functions of time that are not smooth there an
 @return SWB_OK; SWB_ERR_RANGE if a time is not finite
 """
 swb_integrator_set_stop_times(integrator, t, n) =
-    ccall(address(164), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
+    ccall(address(165), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
 
 """
     swb_integrator_set_preferred(integrator, subsystem, modes, n) -> swb_status
@@ -4437,7 +4448,7 @@ ambiguity = prefer. Taken over by the next swb_integrator_reinit, or at once bef
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such subsystem; SWB_ERR_RANGE if there is no such mode
 """
 swb_integrator_set_preferred(integrator, subsystem, modes, n) =
-    ccall(address(165), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
+    ccall(address(166), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
         n)
 
 """
@@ -4449,7 +4460,7 @@ Set who decides where the continuation is not unique, before the option ambiguit
 @return SWB_OK
 """
 swb_integrator_set_decider(integrator, decide, user_data) =
-    ccall(address(166), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
+    ccall(address(167), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
 
 """
     swb_integrator_step(integrator, t_stop, kind) -> swb_status
@@ -4461,7 +4472,7 @@ Do one step, not beyond t_stop nor a stop time.
         negative code; SWB_ERR_STATE after a call that failed so, until swb_integrator_reinit
 """
 swb_integrator_step(integrator, t_stop, kind) =
-    ccall(address(167), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
+    ccall(address(168), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
 
 """
     swb_integrator_advance(integrator, t, outcome) -> swb_status
@@ -4472,7 +4483,7 @@ Integrate to the time t, exactly. Time and state are those at the end, or where 
 @return as swb_integrator_step
 """
 swb_integrator_advance(integrator, t, outcome) =
-    ccall(address(168), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
+    ccall(address(169), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
 
 """
     swb_integrator_sample(integrator, t, n, x, n_x, outcome) -> swb_status
@@ -4487,7 +4498,7 @@ them, and the dense output of the run need not be kept. At a switch the state be
 @return as swb_integrator_step; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a time is not finite or the times do not increase
 """
 swb_integrator_sample(integrator, t, n, x, n_x, outcome) =
-    ccall(address(169), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}),
+    ccall(address(170), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}),
         integrator, t, n, x, n_x, outcome)
 
 """
@@ -4500,7 +4511,7 @@ Derivatives of the dense output with respect to time at a time in the last step.
 @return SWB_OK; SWB_ERR_RANGE if t is outside of the last step or k is negative; SWB_ERR_STATE before the first step
 """
 swb_integrator_get_dky(integrator, t, k, dky, nx) =
-    ccall(address(170), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
+    ccall(address(171), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
         dky, nx)
 
 """
@@ -4511,7 +4522,7 @@ Time reached.
 @return SWB_OK
 """
 swb_integrator_get_time(integrator, t) =
-    ccall(address(171), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
+    ccall(address(172), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
 
 """
     swb_integrator_get_state(integrator, x, nx) -> swb_status
@@ -4522,7 +4533,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_state(integrator, x, nx) =
-    ccall(address(172), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
+    ccall(address(173), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
 
 """
     swb_integrator_get_derivative(integrator, f, nx) -> swb_status
@@ -4533,7 +4544,7 @@ Derivative of the state with respect to time under the present active modes; 0 b
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_derivative(integrator, f, nx) =
-    ccall(address(173), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
+    ccall(address(174), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
 
 """
     swb_integrator_get_active(integrator, subsystem, active, n) -> swb_status
@@ -4545,7 +4556,7 @@ Which modes of a subsystem are active: one alone, or several in a sliding mode; 
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_active(integrator, subsystem, active, n) =
-    ccall(address(174), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
+    ccall(address(175), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
         n)
 
 """
@@ -4557,7 +4568,7 @@ How the simulation stands.
 @return SWB_OK
 """
 swb_integrator_get_outcome(integrator, outcome) =
-    ccall(address(175), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
+    ccall(address(176), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
 
 """
     swb_integrator_get_reason(integrator, buf, len, needed) -> swb_status
@@ -4569,7 +4580,7 @@ Why the simulation ended early, in words; \"\" if it did not.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_integrator_get_reason(integrator, buf, len, needed) =
-    ccall(address(176), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
+    ccall(address(177), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
         needed)
 
 """
@@ -4582,7 +4593,7 @@ Work since the last swb_integrator_reinit.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_stats(integrator, stats, struct_size) =
-    ccall(address(177), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
+    ccall(address(178), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
         struct_size)
 
 """
@@ -4594,7 +4605,7 @@ A copy of the result since the last swb_integrator_reinit: switches, derivatives
 @return SWB_OK
 """
 swb_integrator_get_run(integrator, out) =
-    ccall(address(178), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
+    ccall(address(179), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
 
 """
     swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu) -> swb_status
@@ -4617,7 +4628,7 @@ the option adjoint.
 """
 swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du,
     nu) =
-    ccall(address(179), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
+    ccall(address(180), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64), integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu)
 
@@ -4630,7 +4641,7 @@ integration are taken over by the next swb_integrator_reinit, or at once before 
 @return as swb_settings_set_int
 """
 swb_integrator_set_int(integrator, name, value) =
-    ccall(address(180), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
+    ccall(address(181), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
 
 """
     swb_integrator_set_double(integrator, name, value) -> swb_status
@@ -4640,7 +4651,7 @@ Set a float option of an integrator by name, as swb_integrator_set_int.
 @return as swb_settings_set_double
 """
 swb_integrator_set_double(integrator, name, value) =
-    ccall(address(181), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
+    ccall(address(182), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
 
 """
     swb_integrator_set_string(integrator, name, value) -> swb_status
@@ -4650,7 +4661,7 @@ Set any option of an integrator by name from text, as swb_integrator_set_int.
 @return as swb_settings_set_string
 """
 swb_integrator_set_string(integrator, name, value) =
-    ccall(address(182), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
+    ccall(address(183), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
 
 """
     swb_integrator_set_settings(integrator, settings) -> swb_status
@@ -4661,7 +4672,7 @@ Set all options of an integrator, as swb_integrator_set_int.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_set_settings(integrator, settings) =
-    ccall(address(183), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
+    ccall(address(184), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
 
 """
     swb_integrator_get_settings(integrator, settings, struct_size) -> swb_status
@@ -4673,7 +4684,7 @@ Options of an integrator, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_settings(integrator, settings, struct_size) =
-    ccall(address(184), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
+    ccall(address(185), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
         struct_size)
 
 """
@@ -4685,7 +4696,7 @@ Set who is called once per accepted step; NULL for nobody.
 @return SWB_OK
 """
 swb_integrator_set_progress(integrator, progress, user_data) =
-    ccall(address(185), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
+    ccall(address(186), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
 
 """
     swb_integrator_set_poll(integrator, poll, user_data) -> swb_status
@@ -4697,7 +4708,7 @@ code runs: swb_integrator_set_progress calls at every step, which for a small sy
 @return SWB_OK
 """
 swb_integrator_set_poll(integrator, poll, user_data) =
-    ccall(address(186), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, poll, user_data)
+    ccall(address(187), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, poll, user_data)
 
 """
     swb_integrator_set_log(integrator, log, user_data) -> swb_status
@@ -4709,7 +4720,7 @@ for each switch at level debug, one for each step at level trace.
 @return SWB_OK
 """
 swb_integrator_set_log(integrator, log, user_data) =
-    ccall(address(187), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
+    ccall(address(188), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
 
 """
     swb_integrator_interrupt(integrator) -> swb_status
@@ -4720,14 +4731,14 @@ between steps: a call ends within the time of one step, which takes some tens of
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_integrator_interrupt(integrator) = ccall(address(188), swb_status, (Ptr{swb_integrator},), integrator)
+swb_integrator_interrupt(integrator) = ccall(address(189), swb_status, (Ptr{swb_integrator},), integrator)
 
 """
     swb_integrator_free(integrator) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_integrator_free(integrator) = ccall(address(189), Cvoid, (Ptr{swb_integrator},), integrator)
+swb_integrator_free(integrator) = ccall(address(190), Cvoid, (Ptr{swb_integrator},), integrator)
 
 """
     swb_step_options_init(options, struct_size) -> swb_status
@@ -4739,7 +4750,7 @@ Set the defaults of the options of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_step_options_init(options, struct_size) =
-    ccall(address(190), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
+    ccall(address(191), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
 
 """
     swb_stepper_create(system, options, out) -> swb_status
@@ -4753,7 +4764,7 @@ Create a stepper of a scene. It has no state yet; controls and parameters are ze
         option is outside its range; SWB_ERR_NUMERIC if a constant inertia is not positive definite
 """
 swb_stepper_create(system, options, out) =
-    ccall(address(191), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
+    ccall(address(192), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
         options, out)
 
 """
@@ -4767,7 +4778,7 @@ Set time and state (coordinates, then velocities), and forget impulses and stati
         SWB_ERR_NUMERIC if the inertia is not positive definite
 """
 swb_stepper_set_state(stepper, t, x, nx) =
-    ccall(address(192), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
+    ccall(address(193), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
 
 """
     swb_stepper_set_controls(stepper, u, nu) -> swb_status
@@ -4778,7 +4789,7 @@ Set the controls, constant from now on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_stepper_set_controls(stepper, u, nu) =
-    ccall(address(193), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
+    ccall(address(194), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
 
 """
     swb_stepper_set_params(stepper, p, np) -> swb_status
@@ -4789,7 +4800,7 @@ Set the parameters, constant from now on.
 @return as swb_stepper_set_controls
 """
 swb_stepper_set_params(stepper, p, np) =
-    ccall(address(194), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
+    ccall(address(195), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
 
 """
     swb_stepper_step(stepper) -> swb_status
@@ -4801,7 +4812,7 @@ Make one step of the length h of the options.
         end; SWB_ERR_RANGE if friction or restitution is out of range; SWB_ERR_NUMERIC if the inertia is not positive
         definite; SWB_ERR_INTERRUPTED
 """
-swb_stepper_step(stepper) = ccall(address(195), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_step(stepper) = ccall(address(196), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_advance(stepper, t) -> swb_status
@@ -4811,7 +4822,7 @@ Make equal steps, not longer than h, that end at a time.
 @param[in] t not before the time reached
 @return as swb_stepper_step; where it fails, time and state are those of the last step that was made
 """
-swb_stepper_advance(stepper, t) = ccall(address(196), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
+swb_stepper_advance(stepper, t) = ccall(address(197), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
 
 """
     swb_stepper_count(stepper, t, every, n) -> swb_status
@@ -4824,7 +4835,7 @@ How many states swb_stepper_run keeps.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
 """
 swb_stepper_count(stepper, t, every, n) =
-    ccall(address(197), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
+    ccall(address(198), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
 
 """
     swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) -> swb_status
@@ -4840,7 +4851,7 @@ Make equal steps, not longer than h, that end at a time, and keep states.
 @return as swb_stepper_step, and SWB_ERR_DIMENSION
 """
 swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) =
-    ccall(address(198), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(199), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), stepper, t, every, times, n_times, states, n_states, impulses, n_impulses)
 
 """
@@ -4855,7 +4866,7 @@ Sizes of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_stepper_sizes(stepper, nx, nu, np, n_contacts) =
-    ccall(address(199), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
+    ccall(address(200), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
         nu, np, n_contacts)
 
 """
@@ -4865,7 +4876,7 @@ Time reached.
 
 @return SWB_OK
 """
-swb_stepper_get_time(stepper, t) = ccall(address(200), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
+swb_stepper_get_time(stepper, t) = ccall(address(201), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
 
 """
     swb_stepper_get_state(stepper, x, nx) -> swb_status
@@ -4876,7 +4887,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_state(stepper, x, nx) =
-    ccall(address(201), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
+    ccall(address(202), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
 
 """
     swb_stepper_get_impulses(stepper, impulses, n) -> swb_status
@@ -4887,7 +4898,7 @@ Impulses of the last step: impulses, not forces.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_impulses(stepper, impulses, n) =
-    ccall(address(202), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
+    ccall(address(203), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
 
 """
     swb_stepper_get_stats(stepper, stats, struct_size) -> swb_status
@@ -4899,7 +4910,7 @@ What the steps since the state was set cost and how they went.
 @return SWB_OK; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_stepper_get_stats(stepper, stats, struct_size) =
-    ccall(address(203), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
+    ccall(address(204), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
 
 """
     swb_stepper_interrupt(stepper) -> swb_status
@@ -4909,14 +4920,14 @@ that step, and the object can be used again.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_stepper_interrupt(stepper) = ccall(address(204), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_interrupt(stepper) = ccall(address(205), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_free(stepper) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_stepper_free(stepper) = ccall(address(205), Cvoid, (Ptr{swb_stepper},), stepper)
+swb_stepper_free(stepper) = ccall(address(206), Cvoid, (Ptr{swb_stepper},), stepper)
 
 """
     swb_batch_create(system, settings, out) -> swb_status
@@ -4930,7 +4941,7 @@ Create a batch.
 @return as swb_integrator_create
 """
 swb_batch_create(system, settings, out) =
-    ccall(address(206), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
+    ccall(address(207), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
         out)
 
 """
@@ -4947,7 +4958,7 @@ are those of single runs to the last bit, whatever the number of threads.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative
 """
 swb_batch_run(batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads) =
-    ccall(address(207), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(208), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64, Int64), batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads)
 
 """
@@ -4957,7 +4968,7 @@ Number of runs of the last swb_batch_run; 0 before.
 
 @return SWB_OK
 """
-swb_batch_size(batch, n_runs) = ccall(address(208), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
+swb_batch_size(batch, n_runs) = ccall(address(209), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
 
 """
     swb_batch_states(batch, x, n) -> swb_status
@@ -4967,7 +4978,7 @@ Final states of all runs.
 @param[out] x [n] n_runs * nx, those of one run together; NaN for runs that failed
 @return SWB_OK; SWB_ERR_DIMENSION
 """
-swb_batch_states(batch, x, n) = ccall(address(209), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
+swb_batch_states(batch, x, n) = ccall(address(210), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
 
 """
     swb_batch_outcomes(batch, outcome, n) -> swb_status
@@ -4978,7 +4989,7 @@ How all runs ended.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_batch_outcomes(batch, outcome, n) =
-    ccall(address(210), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
+    ccall(address(211), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
 
 """
     swb_batch_get_run(batch, index, out) -> swb_status
@@ -4990,7 +5001,7 @@ A copy of the result of one run.
 @return SWB_OK; SWB_ERR_DIMENSION; the status of the run if it failed, with its message
 """
 swb_batch_get_run(batch, index, out) =
-    ccall(address(211), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
+    ccall(address(212), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
 
 """
     swb_batch_interrupt(batch) -> swb_status
@@ -5001,14 +5012,14 @@ finished its step.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_batch_interrupt(batch) = ccall(address(212), swb_status, (Ptr{swb_batch},), batch)
+swb_batch_interrupt(batch) = ccall(address(213), swb_status, (Ptr{swb_batch},), batch)
 
 """
     swb_batch_free(batch) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_batch_free(batch) = ccall(address(213), Cvoid, (Ptr{swb_batch},), batch)
+swb_batch_free(batch) = ccall(address(214), Cvoid, (Ptr{swb_batch},), batch)
 
 """
     swb_nmpc_options_init(options, struct_size) -> swb_status
@@ -5020,7 +5031,7 @@ Set the defaults of the options of a controller.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_options_init(options, struct_size) =
-    ccall(address(214), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
+    ccall(address(215), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
 
 """
     swb_nmpc_create(ocp, options, out) -> swb_status
@@ -5037,7 +5048,7 @@ every scheme but SWB_NMPC_SCHEME_MLI.
         periodicity, complementarity, penalties of the largest violation; SWB_ERR_RANGE if an option is outside its range
 """
 swb_nmpc_create(ocp, options, out) =
-    ccall(address(215), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
+    ccall(address(216), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
 
 """
     swb_nmpc_sizes(c, n, nx, nu) -> swb_status
@@ -5050,7 +5061,7 @@ Sizes of a controller.
 @return SWB_OK; SWB_ERR_NULL
 """
 swb_nmpc_sizes(c, n, nx, nu) =
-    ccall(address(216), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
+    ccall(address(217), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
 
 """
     swb_nmpc_initialise(c, x0, nx, max_iter, iterations) -> swb_status
@@ -5064,7 +5075,7 @@ Solve the problem for an initial state to convergence, from the present iterate:
         SWB_ERR_USER; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_initialise(c, x0, nx, max_iter, iterations) =
-    ccall(address(217), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
+    ccall(address(218), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
         iterations)
 
 """
@@ -5080,7 +5091,7 @@ sample before is used further, which is no failure.
         code; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_prepare(c, x_predicted, nx, info, struct_size) =
-    ccall(address(218), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
+    ccall(address(219), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
         x_predicted, nx, info, struct_size)
 
 """
@@ -5096,7 +5107,7 @@ made before the call returns.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite. How the preparation ends is said by swb_nmpc_wait.
 """
 swb_nmpc_prepare_async(c, x_predicted, nx, started) =
-    ccall(address(219), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
+    ccall(address(220), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
 
 """
     swb_nmpc_wait(c, info, struct_size) -> swb_status
@@ -5108,7 +5119,7 @@ Wait for the preparation that swb_nmpc_prepare_async has begun.
 @return SWB_OK; as swb_nmpc_prepare, how the preparation ended; SWB_ERR_STATE where there was none
 """
 swb_nmpc_wait(c, info, struct_size) =
-    ccall(address(220), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
+    ccall(address(221), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
 
 """
     swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) -> swb_status
@@ -5124,7 +5135,7 @@ most half of the deadline; then the control is that of the last plan and its fee
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) =
-    ccall(address(221), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
+    ccall(address(222), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
         UInt64), c, x, nx, u0, nu, info, struct_size)
 
 """
@@ -5135,7 +5146,7 @@ other call does it where it is needed.
 
 @return SWB_OK
 """
-swb_nmpc_finish(c) = ccall(address(222), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_finish(c) = ccall(address(223), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_set_params(c, p, n) -> swb_status
@@ -5147,7 +5158,7 @@ that switch they count from the next preparation on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_INTERRUPTED; SWB_ERR_USER for a negative code of a
         callback
 """
-swb_nmpc_set_params(c, p, n) = ccall(address(223), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
+swb_nmpc_set_params(c, p, n) = ccall(address(224), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_nmpc_set_references(c, term, y, n) -> swb_status
@@ -5160,7 +5171,7 @@ Set the references of a least-squares term. Between a preparation and its feedba
         SWB_ERR_USER for a negative code of a callback
 """
 swb_nmpc_set_references(c, term, y, n) =
-    ccall(address(224), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
+    ccall(address(225), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
 
 """
     swb_nmpc_set_time(c, t0) -> swb_status
@@ -5169,7 +5180,7 @@ Set the time of the first node, from the next preparation on.
 
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_nmpc_set_time(c, t0) = ccall(address(225), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
+swb_nmpc_set_time(c, t0) = ccall(address(226), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
 
 """
     swb_nmpc_set_deadline(c, seconds) -> swb_status
@@ -5178,7 +5189,7 @@ Set the seconds a feedback may take.
 
 @return SWB_OK; SWB_ERR_RANGE if they are not positive
 """
-swb_nmpc_set_deadline(c, seconds) = ccall(address(226), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
+swb_nmpc_set_deadline(c, seconds) = ccall(address(227), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
 
 """
     swb_nmpc_set_iterate(c, x, n_x, u, n_u) -> swb_status
@@ -5190,7 +5201,7 @@ Set the iterate; its multipliers are zero.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_nmpc_set_iterate(c, x, n_x, u, n_u) =
-    ccall(address(227), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(228), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_reset(c) -> swb_status
@@ -5199,7 +5210,7 @@ Back to the start: the guess of the problem, no multipliers, nothing measured, m
 
 @return SWB_OK
 """
-swb_nmpc_reset(c) = ccall(address(228), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_reset(c) = ccall(address(229), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_get_plan(c, x, n_x, u, n_u) -> swb_status
@@ -5211,7 +5222,7 @@ The plan from the last sample on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_get_plan(c, x, n_x, u, n_u) =
-    ccall(address(229), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(230), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_get_monitor(c, monitor, struct_size) -> swb_status
@@ -5223,7 +5234,7 @@ How the controller is doing.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_get_monitor(c, monitor, struct_size) =
-    ccall(address(230), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
+    ccall(address(231), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
 
 """
     swb_nmpc_interrupt(c) -> swb_status
@@ -5232,14 +5243,14 @@ End the call that runs: from any thread or signal handler. A preparation that is
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if the object has been freed
 """
-swb_nmpc_interrupt(c) = ccall(address(231), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_interrupt(c) = ccall(address(232), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_free(c) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_nmpc_free(c) = ccall(address(232), Cvoid, (Ptr{swb_nmpc},), c)
+swb_nmpc_free(c) = ccall(address(233), Cvoid, (Ptr{swb_nmpc},), c)
 
 """
     swb_ocp_create(system, horizon, n_stages, settings, out) -> swb_status
@@ -5256,7 +5267,7 @@ parameters are zero, and there is no cost, until they are set.
         positive or an option is outside its range; SWB_ERR_DIMENSION without stages
 """
 swb_ocp_create(system, horizon, n_stages, settings, out) =
-    ccall(address(233), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
+    ccall(address(234), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
         horizon, n_stages, settings, out)
 
 """
@@ -5269,7 +5280,7 @@ controls that are constant by stage, and parameters. A program has a variable in
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit; SWB_ERR_UNSUPPORTED for abs, min and max of what moves within a
         stage: make such a cost the derivative of a further state of the model, and its value at the end the terminal cost
 """
-swb_ocp_set_lagrange(ocp, f) = ccall(address(234), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_lagrange(ocp, f) = ccall(address(235), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_set_mayer(ocp, f) -> swb_status
@@ -5279,7 +5290,7 @@ states, too.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_ocp_set_mayer(ocp, f) = ccall(address(235), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_mayer(ocp, f) = ccall(address(236), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) -> swb_status
@@ -5292,7 +5303,7 @@ Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) =
-    ccall(address(236), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(237), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, lower, n_lower, upper, n_upper, at)
 
 """
@@ -5306,7 +5317,7 @@ last stage.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_terminal(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(237), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(238), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -5319,7 +5330,7 @@ Set bounds of the states at all stage points and element ends after the initial 
 @return as swb_ocp_add_path
 """
 swb_ocp_set_state_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(238), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(239), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5332,7 +5343,7 @@ Set bounds of the initial state; equal bounds fix it.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_initial_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(239), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(240), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5344,7 +5355,7 @@ Fix the initial state.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is NaN
 """
 swb_ocp_set_initial_state(ocp, x0, nx) =
-    ccall(address(240), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
+    ccall(address(241), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
 
 """
     swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -5356,7 +5367,7 @@ Set bounds of the controls.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(241), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(242), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5372,7 +5383,7 @@ bounds is better known to you.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not positive and finite
 """
 swb_ocp_set_nominal(ocp, x, n_x, u, n_u, p, n_p) =
-    ccall(address(242), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(243), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, x, n_x, u, n_u, p, n_p)
 
 """
@@ -5383,7 +5394,7 @@ Set the parameters.
 @param[in] p [np]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_ocp_set_params(ocp, p, np) = ccall(address(243), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
+swb_ocp_set_params(ocp, p, np) = ccall(address(244), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
 
 """
     swb_ocp_set_initial_time(ocp, t0) -> swb_status
@@ -5392,7 +5403,7 @@ Set the initial time.
 
 @return SWB_OK; SWB_ERR_RANGE if it is not finite
 """
-swb_ocp_set_initial_time(ocp, t0) = ccall(address(244), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
+swb_ocp_set_initial_time(ocp, t0) = ccall(address(245), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
 
 """
     swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) -> swb_status
@@ -5404,7 +5415,7 @@ Give states to start from, linear in between.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if times do not rise or a value is not finite
 """
 swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) =
-    ccall(address(245), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
+    ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
         x, n_x)
 
 """
@@ -5416,7 +5427,7 @@ Give controls to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_ocp_set_control_guess(ocp, u, n_u) =
-    ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_solve(ocp, outcome) -> swb_status
@@ -5428,7 +5439,7 @@ Solve. The problem is discretised at the first solve, and again only when its st
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if options do not go together
 """
-swb_ocp_solve(ocp, outcome) = ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve(ocp, outcome) = ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_outcome(ocp, outcome) -> swb_status
@@ -5438,7 +5449,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_outcome(ocp, outcome) = ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_get_outcome(ocp, outcome) = ccall(address(249), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_polished(ocp, polished) -> swb_status
@@ -5448,7 +5459,7 @@ Was the active set identified and the problem solved with it?
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_polished(ocp, polished) = ccall(address(249), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
+swb_ocp_get_polished(ocp, polished) = ccall(address(250), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
 
 """
     swb_ocp_get_cost(ocp, cost) -> swb_status
@@ -5459,7 +5470,7 @@ another point costs says nothing about the problem (swb_ocp_get_cost_reached).
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost(ocp, cost) = ccall(address(250), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost(ocp, cost) = ccall(address(251), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_cost_reached(ocp, cost) -> swb_status
@@ -5470,7 +5481,7 @@ solve was stopped before it was known.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost_reached(ocp, cost) = ccall(address(251), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost_reached(ocp, cost) = ccall(address(252), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_controls(ocp, u, n_u) -> swb_status
@@ -5480,7 +5491,7 @@ Controls.
 @param[out] u [n_u] n_stages * nu, the controls of one stage together
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_controls(ocp, u, n_u) = ccall(address(252), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+swb_ocp_get_controls(ocp, u, n_u) = ccall(address(253), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) -> swb_status
@@ -5500,7 +5511,7 @@ each.
         minimiser; SWB_ERR_USER, SWB_ERR_NONFINITE if the model fails next to the given parameters
 """
 swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) =
-    ccall(address(253), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
+    ccall(address(254), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
         n_cost, u, n_u, one_sided)
 
 """
@@ -5513,7 +5524,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_residuals(ocp, residuals, struct_size) =
-    ccall(address(254), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
+    ccall(address(255), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
 
 """
     swb_ocp_get_stats(ocp, stats, struct_size) -> swb_status
@@ -5525,7 +5536,7 @@ What the last solve cost.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_stats(ocp, stats, struct_size) =
-    ccall(address(255), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
+    ccall(address(256), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
 
 """
     swb_ocp_get_trajectory(ocp, out) -> swb_status
@@ -5535,7 +5546,7 @@ A copy of the trajectory of the last solve.
 @param[out] out the new object, NULL on failure; free with swb_trajectory_free
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_trajectory(ocp, out) = ccall(address(256), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
+swb_ocp_get_trajectory(ocp, out) = ccall(address(257), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
 
 """
     swb_ocp_set_int(ocp, name, value) -> swb_status
@@ -5544,7 +5555,7 @@ Set an integer or enumeration option of an optimal control problem (or a float o
 
 @return as swb_settings_set_int
 """
-swb_ocp_set_int(ocp, name, value) = ccall(address(257), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
+swb_ocp_set_int(ocp, name, value) = ccall(address(258), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
 
 """
     swb_ocp_set_double(ocp, name, value) -> swb_status
@@ -5554,7 +5565,7 @@ Set a float option of an optimal control problem by name.
 @return as swb_settings_set_double
 """
 swb_ocp_set_double(ocp, name, value) =
-    ccall(address(258), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
+    ccall(address(259), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
 
 """
     swb_ocp_set_string(ocp, name, value) -> swb_status
@@ -5564,7 +5575,7 @@ Set any option of an optimal control problem by name from text: a number, or the
 @return as swb_settings_set_string
 """
 swb_ocp_set_string(ocp, name, value) =
-    ccall(address(259), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
+    ccall(address(260), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
 
 """
     swb_ocp_set_settings(ocp, settings) -> swb_status
@@ -5574,7 +5585,7 @@ Set all options of an optimal control problem.
 @param[in] settings NULL for the defaults
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
-swb_ocp_set_settings(ocp, settings) = ccall(address(260), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
+swb_ocp_set_settings(ocp, settings) = ccall(address(261), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
 
 """
     swb_ocp_get_settings(ocp, settings, struct_size) -> swb_status
@@ -5586,7 +5597,7 @@ Options of an optimal control problem, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_get_settings(ocp, settings, struct_size) =
-    ccall(address(261), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
+    ccall(address(262), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
 
 """
     swb_ocp_set_iteration(ocp, iteration, user_data) -> swb_status
@@ -5597,7 +5608,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_iteration(ocp, iteration, user_data) =
-    ccall(address(262), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
+    ccall(address(263), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
 
 """
     swb_ocp_set_log(ocp, log, user_data) -> swb_status
@@ -5608,7 +5619,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_log(ocp, log, user_data) =
-    ccall(address(263), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
+    ccall(address(264), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
 
 """
     swb_ocp_interrupt(ocp) -> swb_status
@@ -5623,14 +5634,14 @@ calls in the same places.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_ocp_interrupt(ocp) = ccall(address(264), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_interrupt(ocp) = ccall(address(265), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_free(ocp) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_ocp_free(ocp) = ccall(address(265), Cvoid, (Ptr{swb_ocp},), ocp)
+swb_ocp_free(ocp) = ccall(address(266), Cvoid, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_sizes(ocp, nx, nu, np, n_stages) -> swb_status
@@ -5644,7 +5655,7 @@ Sizes of an optimal control problem.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_ocp_sizes(ocp, nx, nu, np, n_stages) =
-    ccall(address(266), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
+    ccall(address(267), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
         n_stages)
 
 """
@@ -5658,7 +5669,7 @@ accuracy_tol.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_accuracy(ocp, accuracy, struct_size) =
-    ccall(address(267), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
+    ccall(address(268), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
 
 """
     swb_ocp_get_certificate(ocp, certificate, struct_size) -> swb_status
@@ -5671,7 +5682,7 @@ unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_certificate(ocp, certificate, struct_size) =
-    ccall(address(268), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
+    ccall(address(269), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
 
 """
     swb_ocp_get_mismatch(ocp, stages, n_stages) -> swb_status
@@ -5682,7 +5693,7 @@ Largest difference between a state of the last solution and of the simulation at
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_accuracy
 """
 swb_ocp_get_mismatch(ocp, stages, n_stages) =
-    ccall(address(269), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
+    ccall(address(270), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
 
 """
     swb_ocp_get_message(ocp, buf, len, needed) -> swb_status
@@ -5697,7 +5708,7 @@ counted from zero. Empty where there is nothing to say. After a solve that retur
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_message(ocp, buf, len, needed) =
-    ccall(address(270), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(271), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_count_multipliers(ocp, of, n) -> swb_status
@@ -5708,7 +5719,7 @@ Constraints of a kind that multipliers belong to; 1 for what is no list.
 @param[out] n  constraints, in the order in which they were added
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
 """
-swb_ocp_count_multipliers(ocp, of, n) = ccall(address(271), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
+swb_ocp_count_multipliers(ocp, of, n) = ccall(address(272), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
 
 """
     swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) -> swb_status
@@ -5722,7 +5733,7 @@ Sizes of the multipliers of the last solution.
 @return SWB_OK; SWB_ERR_NULL; otherwise as swb_ocp_get_multipliers
 """
 swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) =
-    ccall(address(272), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
+    ccall(address(273), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
         width)
 
 """
@@ -5739,7 +5750,7 @@ transitions or contacts, and of several phases.
         the model fails
 """
 swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) =
-    ccall(address(273), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
+    ccall(address(274), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
         index, times, n_times, values, n_values)
 
 """
@@ -5747,7 +5758,7 @@ swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) =
 
 Name of an enum swb_verdict, such as \"kink\"; NULL for any other number. Static.
 """
-swb_verdict_name(verdict) = ccall(address(274), Cstring, (Int32,), verdict)
+swb_verdict_name(verdict) = ccall(address(275), Cstring, (Int32,), verdict)
 
 """
     swb_ocp_get_optimality(ocp, optimality, struct_size) -> swb_status
@@ -5760,7 +5771,7 @@ multipliers of its constraints decide, independently of the discretisation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_optimality(ocp, optimality, struct_size) =
-    ccall(address(275), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
+    ccall(address(276), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
 
 """
     swb_ocp_get_kink(ocp, index, kink, struct_size) -> swb_status
@@ -5773,7 +5784,7 @@ A switch of the last solution that lies between two control stages.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_kink(ocp, index, kink, struct_size) =
-    ccall(address(276), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
+    ccall(address(277), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
 
 """
     swb_ocp_get_reduced_gradient(ocp, gradient, n) -> swb_status
@@ -5786,7 +5797,7 @@ verdict is SWB_VERDICT_UNKNOWN for want of a simulation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_reduced_gradient(ocp, gradient, n) =
-    ccall(address(277), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
+    ccall(address(278), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
 
 """
     swb_ocp_get_descent(ocp, direction, n) -> swb_status
@@ -5799,7 +5810,7 @@ where controls are linear.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_descent(ocp, direction, n) =
-    ccall(address(278), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
+    ccall(address(279), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
 
 """
     swb_ocp_get_optimality_reason(ocp, buf, len, needed) -> swb_status
@@ -5811,7 +5822,7 @@ Why it is not known whether the last solution is optimal; empty where it is.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_optimality_reason(ocp, buf, len, needed) =
-    ccall(address(279), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(280), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_create_scene(scene, horizon, n_stages, settings, out) -> swb_status
@@ -5827,7 +5838,7 @@ coordinates, then velocities; horizon, control grid and costs are in physical ti
 @return as swb_ocp_create; SWB_ERR_STATE if the scene is not built
 """
 swb_ocp_create_scene(scene, horizon, n_stages, settings, out) =
-    ccall(address(280), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
+    ccall(address(281), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
         horizon, n_stages, settings, out)
 
 """
@@ -5838,7 +5849,7 @@ Set how contact modes and impacts of a scene are found. Other systems do not loo
 @param[in] jumps an enum swb_jumps
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_ocp_set_jumps(ocp, jumps) = ccall(address(281), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
+swb_ocp_set_jumps(ocp, jumps) = ccall(address(282), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
 
 """
     swb_ocp_get_contacts(ocp, n_contacts, n_impacts) -> swb_status
@@ -5850,7 +5861,7 @@ Sizes of what the contacts of an answer do.
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene
 """
 swb_ocp_get_contacts(ocp, n_contacts, n_impacts) =
-    ccall(address(282), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
+    ccall(address(283), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
 
 """
     swb_ocp_impacts(ocp, impacts, n, struct_size) -> swb_status
@@ -5862,7 +5873,7 @@ The impacts of an answer in the order they happen. Their depth is NaN: it is not
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if n is another number
 """
 swb_ocp_impacts(ocp, impacts, n, struct_size) =
-    ccall(address(283), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
+    ccall(address(284), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
 
 """
     swb_ocp_contact_modes(ocp, t, n_t, modes, n) -> swb_status
@@ -5875,7 +5886,7 @@ Modes of the contacts of an answer at times.
         SWB_ERR_DIMENSION
 """
 swb_ocp_contact_modes(ocp, t, n_t, modes, n) =
-    ccall(address(284), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
+    ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
 
 """
     swb_ocp_contact_forces(ocp, t, n_t, forces, n) -> swb_status
@@ -5888,7 +5899,7 @@ Forces of the contacts of an answer at times: forces, not impulses.
 @return as swb_ocp_contact_modes
 """
 swb_ocp_contact_forces(ocp, t, n_t, forces, n) =
-    ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
+    ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
         n)
 
 """
@@ -5902,7 +5913,7 @@ every contact, the recommended one, how long a jump takes, warnings.
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_ocp_freezing_report(ocp, buf, len, needed) =
-    ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) -> swb_status
@@ -5915,7 +5926,7 @@ Sizes of the mode sequence of the last solution: a phase for every finite elemen
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) =
-    ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
+    ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
         n_cells)
 
 """
@@ -5930,7 +5941,7 @@ Mode sequence of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -5947,7 +5958,7 @@ checks. Orders next to it are tried within the budget of the option mode_search 
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the times fall or do not start at 0
 """
 swb_ocp_set_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(290), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -5960,7 +5971,7 @@ the bounds of the controls.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_random_starts(ocp, seed, u, n_u) =
-    ccall(address(290), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
+    ccall(address(291), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
 
 """
     swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) -> swb_status
@@ -5981,7 +5992,7 @@ starts; so does swb_ocp_interrupt.
         first start if all fail
 """
 swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
-    ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
+    ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
         best)
 
 """
@@ -5997,7 +6008,7 @@ What the starts of the last swb_ocp_solve_starts found.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
 """
 swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) =
-    ccall(address(292), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
+    ccall(address(293), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
         Int64), ocp, start, outcome, polished, cost, u, n_u)
 
 """
@@ -6011,7 +6022,7 @@ How the grid of the last solve was adapted (option adapt_tol).
 @return SWB_OK; SWB_ERR_STATE before the first solve, and where the option adapt_tol is 0
 """
 swb_ocp_get_adaptation(ocp, n_rounds, kept, reached) =
-    ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
+    ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
         reached)
 
 """
@@ -6029,7 +6040,7 @@ One solve on the way to an adapted grid.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
 """
 swb_ocp_get_round(ocp, round, elements, n_elements, n_variables, iterations, error, cost) =
-    ccall(address(294), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
+    ccall(address(295), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
         Ptr{Cdouble}), ocp, round, elements, n_elements, n_variables, iterations, error, cost)
 
 """
@@ -6043,7 +6054,7 @@ control and time of the end.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_boundary(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -6055,7 +6066,7 @@ Require that states have the same values at both ends of the horizon.
 @return SWB_OK; SWB_ERR_RANGE if there is no such state
 """
 swb_ocp_add_periodic(ocp, states, n_states) =
-    ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
+    ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
 
 """
     swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) -> swb_status
@@ -6068,7 +6079,7 @@ Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the cont
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) =
-    ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(298), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, weights, n_weights, references, n_references, at)
 
 """
@@ -6081,7 +6092,7 @@ Change the references of a least-squares term.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term
 """
 swb_ocp_set_references(ocp, term, references, n_references) =
-    ccall(address(298), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
+    ccall(address(299), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
 
 """
     swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) -> swb_status
@@ -6096,7 +6107,7 @@ without it; see swb_ocp_get_violation.
 @return as swb_ocp_add_path; SWB_ERR_RANGE if the weight is not positive
 """
 swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) =
-    ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(300), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32, Int32, Cdouble), ocp, f, lower, n_lower, upper, n_upper, at, norm, weight)
 
 """
@@ -6111,7 +6122,7 @@ is zero. Pairs of controls alone belong to the control grid; elsewhere they woul
 @return as swb_ocp_add_path
 """
 swb_ocp_add_complementarity(ocp, a, b, at) =
-    ccall(address(300), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
+    ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
 
 """
     swb_ocp_set_elements(ocp, n_fe, n) -> swb_status
@@ -6121,7 +6132,7 @@ Set the number of finite elements of every control stage; without it all have as
 @param[in] n_fe [n] one for every stage, at least 1
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
-swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
+swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 
 """
     swb_ocp_set_durations(ocp, durations, n) -> swb_status
@@ -6132,7 +6143,7 @@ Set the lengths of the control stages; where they are free, those to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_durations(ocp, durations, n) =
-    ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(303), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_set_free_time(ocp, what, lower, upper) -> swb_status
@@ -6145,7 +6156,7 @@ Let the optimiser choose lengths.
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_set_free_time(ocp, what, lower, upper) =
-    ccall(address(303), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
+    ccall(address(304), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
 
 """
     swb_ocp_add_horizon(ocp, lower, upper) -> swb_status
@@ -6155,7 +6166,7 @@ Bound the length of the horizon where those of the stages are free; after swb_oc
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_add_horizon(ocp, lower, upper) =
-    ccall(address(304), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
+    ccall(address(305), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
 
 """
     swb_ocp_set_linear_controls(ocp, linear, nu) -> swb_status
@@ -6166,7 +6177,7 @@ Make controls continuous and linear on every stage; the others stay constant.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_set_linear_controls(ocp, linear, nu) =
-    ccall(address(305), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
+    ccall(address(306), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
 
 """
     swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -6179,7 +6190,7 @@ the others keep those values.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(306), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(307), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6191,7 +6202,7 @@ Set parameters that change from control stage to control stage.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_stage_params(ocp, p, n_p) =
-    ccall(address(307), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+    ccall(address(308), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_solve_warm(ocp, outcome) -> swb_status
@@ -6201,7 +6212,7 @@ Solve from the last solution: after small changes its active set is tried first.
 @param[out] outcome as swb_ocp_solve
 @return as swb_ocp_solve
 """
-swb_ocp_solve_warm(ocp, outcome) = ccall(address(308), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve_warm(ocp, outcome) = ccall(address(309), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_shift(ocp) -> swb_status
@@ -6211,7 +6222,7 @@ initial state that is set by then, and starts from its modes and switching times
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_shift(ocp) = ccall(address(309), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_shift(ocp) = ccall(address(310), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_get_durations(ocp, durations, n) -> swb_status
@@ -6222,7 +6233,7 @@ Lengths of the control stages of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_durations(ocp, durations, n) =
-    ccall(address(310), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(311), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_get_params(ocp, p, n_p) -> swb_status
@@ -6232,7 +6243,7 @@ Parameters of the last solution, those that were free as they were found.
 @param[out] p [n_p] np
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_params(ocp, p, n_p) = ccall(address(311), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+swb_ocp_get_params(ocp, p, n_p) = ccall(address(312), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_get_control_ends(ocp, u, n_u) -> swb_status
@@ -6243,7 +6254,7 @@ Controls at the end of every stage: others than at its start where they are line
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_control_ends(ocp, u, n_u) =
-    ccall(address(312), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(313), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_violation(ocp, violation) -> swb_status
@@ -6252,7 +6263,7 @@ Largest violation of a relaxed constraint.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_violation(ocp, violation) = ccall(address(313), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
+swb_ocp_get_violation(ocp, violation) = ccall(address(314), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 
 """
     swb_ocp_jump_count(ocp, n_jumps) -> swb_status
@@ -6262,7 +6273,7 @@ Number of transitions of the last answer.
 @param[out] n_jumps transitions; 0 for systems without
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE before the first solve
 """
-swb_ocp_jump_count(ocp, n_jumps) = ccall(address(314), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
+swb_ocp_jump_count(ocp, n_jumps) = ccall(address(315), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
 
 """
     swb_ocp_jumps(ocp, jumps, n, struct_size) -> swb_status
@@ -6274,7 +6285,7 @@ The transitions of the last answer in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jumps(ocp, jumps, n, struct_size) =
-    ccall(address(315), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
+    ccall(address(316), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
 
 """
     swb_ocp_jump_states(ocp, index, before, after, n) -> swb_status
@@ -6287,7 +6298,7 @@ The states just before and just behind a transition of the last answer.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jump_states(ocp, index, before, after, n) =
-    ccall(address(316), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
+    ccall(address(317), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
         after, n)
 
 """
@@ -6302,7 +6313,7 @@ links tie it to the end of the phase before. A function of time sees the time fr
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
 """
 swb_multiphase_create(phases, n_phases, settings, out) =
-    ccall(address(317), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
+    ccall(address(318), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
         n_phases, settings, out)
 
 """
@@ -6317,7 +6328,7 @@ controls and no parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no phase behind, or a lower bound is above the upper one
 """
 swb_multiphase_link(m, phase, f, lower, n_lower, upper, n_upper) =
-    ccall(address(318), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
+    ccall(address(319), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), m, phase, f, lower, n_lower, upper, n_upper)
 
 """
@@ -6328,7 +6339,7 @@ Require that the next phase begins where this one ends, in all states.
 @param[in] phase counted from 0
 @return as swb_multiphase_link
 """
-swb_multiphase_link_continuous(m, phase) = ccall(address(319), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
+swb_multiphase_link_continuous(m, phase) = ccall(address(320), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 
 """
     swb_multiphase_link_reset(m, phase, r) -> swb_status
@@ -6341,7 +6352,7 @@ Require that the next phase begins at r(x(T)): what a stage that drops off, a do
 @return as swb_multiphase_link
 """
 swb_multiphase_link_reset(m, phase, r) =
-    ccall(address(320), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
+    ccall(address(321), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
 
 """
     swb_multiphase_solve(m, outcome) -> swb_status
@@ -6351,7 +6362,7 @@ Solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_ocp_solve
 """
-swb_multiphase_solve(m, outcome) = ccall(address(321), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
+swb_multiphase_solve(m, outcome) = ccall(address(322), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
@@ -6363,7 +6374,7 @@ What the last solve found.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_info(m, info, struct_size) =
-    ccall(address(322), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
+    ccall(address(323), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
 
 """
     swb_multiphase_get_message(m, buf, len, needed) -> swb_status
@@ -6375,7 +6386,7 @@ Why the last solve did not end with an exact solution; empty where there is noth
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_message(m, buf, len, needed) =
-    ccall(address(323), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
+    ccall(address(324), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
 
 """
     swb_multiphase_get_phase(m, phase, out) -> swb_status
@@ -6388,7 +6399,7 @@ and statistics are those of all phases.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_phase(m, phase, out) =
-    ccall(address(324), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
+    ccall(address(325), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
 
 """
     swb_multiphase_set_iteration(m, iteration, user_data) -> swb_status
@@ -6399,7 +6410,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_multiphase_set_iteration(m, iteration, user_data) =
-    ccall(address(325), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
+    ccall(address(326), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
 
 """
     swb_multiphase_interrupt(m) -> swb_status
@@ -6408,14 +6419,14 @@ Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_multiphase_interrupt(m) = ccall(address(326), swb_status, (Ptr{swb_multiphase},), m)
+swb_multiphase_interrupt(m) = ccall(address(327), swb_status, (Ptr{swb_multiphase},), m)
 
 """
     swb_multiphase_free(m) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_multiphase_free(m) = ccall(address(327), Cvoid, (Ptr{swb_multiphase},), m)
+swb_multiphase_free(m) = ccall(address(328), Cvoid, (Ptr{swb_multiphase},), m)
 
 """
     swb_model_to_json(model, buf, len, needed) -> swb_status
@@ -6429,7 +6440,7 @@ states with the values they begin with, and its transitions. Functions that are 
         too short
 """
 swb_model_to_json(model, buf, len, needed) =
-    ccall(address(328), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(329), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) -> swb_status
@@ -6445,7 +6456,7 @@ Build a model from a document; its expressions become expressions of the graph.
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
 """
 swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) =
-    ccall(address(329), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(330), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_model}}), graph, text, functions, n_functions, rhs, n_rhs, out)
 
 """
@@ -6456,7 +6467,7 @@ Numbers of states, controls and parameters of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_sizes(model, nx, nu, np) =
-    ccall(address(330), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
+    ccall(address(331), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
 
 """
     swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) -> swb_status
@@ -6472,7 +6483,7 @@ Functions that are not made of expressions are named only.
         the buffer is too short
 """
 swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) =
-    ccall(address(331), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
+    ccall(address(332), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
         duration, n_steps, buf, len, needed)
 
 """
@@ -6488,7 +6499,7 @@ Create a simulator from a document; it stands where the simulation begins.
 @return as swb_model_from_json
 """
 swb_simulator_from_json(text, functions, n_functions, duration, n_steps, out) =
-    ccall(address(332), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
+    ccall(address(333), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
         Ptr{Ptr{swb_simulator}}), text, functions, n_functions, duration, n_steps, out)
 
 """
@@ -6503,7 +6514,7 @@ given to start from. Functions that are not made of expressions are named only.
         too short
 """
 swb_ocp_to_json(ocp, buf, len, needed) =
-    ccall(address(333), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(334), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_from_json(text, functions, n_functions, out) -> swb_status
@@ -6516,7 +6527,7 @@ Create an optimal control problem from a document.
 @return as swb_model_from_json
 """
 swb_ocp_from_json(text, functions, n_functions, out) =
-    ccall(address(334), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
+    ccall(address(335), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
         n_functions, out)
 
 """
@@ -6533,7 +6544,7 @@ Create a program without pairs and bounds, parameters and start zero.
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
 """
 swb_mpcc_create(n, np, objective, constraints, settings, out) =
-    ccall(address(335), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
+    ccall(address(336), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
         Ptr{Ptr{swb_mpcc}}), n, np, objective, constraints, settings, out)
 
 """
@@ -6551,7 +6562,7 @@ A constraint may be in one pair only; a variable in several.
         there is no such index
 """
 swb_mpcc_add_pair(mpcc, kind_g, index_g, kind_h, index_h) =
-    ccall(address(336), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
+    ccall(address(337), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
         index_h)
 
 """
@@ -6568,7 +6579,7 @@ For functions described with swb_function_set_linear nothing else is prepared, a
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
 """
 swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) =
-    ccall(address(337), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
+    ccall(address(338), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
         mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data)
 
 """
@@ -6581,7 +6592,7 @@ Set bounds of the variables.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_mpcc_set_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(338), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(339), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6594,7 +6605,7 @@ Set bounds of the constraints; equal bounds make an equation. Those of rows in p
 @return as swb_mpcc_set_bounds
 """
 swb_mpcc_set_constraint_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(339), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(340), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6606,7 +6617,7 @@ Set the parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_params(mpcc, values, np) =
-    ccall(address(340), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
+    ccall(address(341), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
 
 """
     swb_mpcc_set_start(mpcc, w, n) -> swb_status
@@ -6616,7 +6627,7 @@ Set the point to start from.
 @param[in] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mpcc_set_start(mpcc, w, n) = ccall(address(341), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_set_start(mpcc, w, n) = ccall(address(342), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) -> swb_status
@@ -6631,7 +6642,7 @@ goes back to starting from a point alone.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) =
-    ccall(address(342), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(343), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         mpcc, w, n, y, m, z, n_z)
 
 """
@@ -6644,7 +6655,7 @@ Solve.
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
 """
-swb_mpcc_solve(mpcc, outcome) = ccall(address(343), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_solve(mpcc, outcome) = ccall(address(344), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_resolve(mpcc, outcome) -> swb_status
@@ -6655,7 +6666,7 @@ failed, diverged or ended infeasible this is swb_mpcc_solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_resolve(mpcc, outcome) = ccall(address(344), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_resolve(mpcc, outcome) = ccall(address(345), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_outcome(mpcc, outcome) -> swb_status
@@ -6665,7 +6676,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(345), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(346), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
@@ -6675,7 +6686,7 @@ Was the active set identified and the smooth program that remains solved?
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_polished(mpcc, polished) = ccall(address(346), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
+swb_mpcc_get_polished(mpcc, polished) = ccall(address(347), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 
 """
     swb_mpcc_get_objective(mpcc, objective) -> swb_status
@@ -6685,7 +6696,7 @@ Objective.
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_objective(mpcc, objective) =
-    ccall(address(347), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
+    ccall(address(348), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
 
 """
     swb_mpcc_get_solution(mpcc, w, n) -> swb_status
@@ -6695,7 +6706,7 @@ The point.
 @param[out] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_solution(mpcc, w, n) = ccall(address(348), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_get_solution(mpcc, w, n) = ccall(address(349), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_get_constraints(mpcc, c, m) -> swb_status
@@ -6705,7 +6716,7 @@ Constraints at the point.
 @param[out] c [m] rows; NaN where the solve failed
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(349), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
+swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(350), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 
 """
     swb_mpcc_get_multipliers(mpcc, y, m, z, n) -> swb_status
@@ -6718,7 +6729,7 @@ Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_multipliers(mpcc, y, m, z, n) =
-    ccall(address(350), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
+    ccall(address(351), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
 
 """
     swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) -> swb_status
@@ -6733,7 +6744,7 @@ the pairs were added.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) =
-    ccall(address(351), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
+    ccall(address(352), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
         mpcc, g, h, nu, xi, n_pairs)
 
 """
@@ -6746,7 +6757,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
-    ccall(address(352), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(353), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
@@ -6758,7 +6769,7 @@ What the last solve cost.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_stats(mpcc, stats, struct_size) =
-    ccall(address(353), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(354), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_set_int(mpcc, name, value) -> swb_status
@@ -6768,7 +6779,7 @@ Set an integer or enumeration option of a program (or a float one, to an integer
 @return as swb_settings_set_int
 """
 swb_mpcc_set_int(mpcc, name, value) =
-    ccall(address(354), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
+    ccall(address(355), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
 
 """
     swb_mpcc_set_double(mpcc, name, value) -> swb_status
@@ -6778,7 +6789,7 @@ Set a float option of a program by name.
 @return as swb_settings_set_double
 """
 swb_mpcc_set_double(mpcc, name, value) =
-    ccall(address(355), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
+    ccall(address(356), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
 
 """
     swb_mpcc_set_string(mpcc, name, value) -> swb_status
@@ -6788,7 +6799,7 @@ Set any option of a program by name from text: a number, or the value name of an
 @return as swb_settings_set_string
 """
 swb_mpcc_set_string(mpcc, name, value) =
-    ccall(address(356), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
+    ccall(address(357), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
 
 """
     swb_mpcc_set_settings(mpcc, settings) -> swb_status
@@ -6799,7 +6810,7 @@ Set all options of a program.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_mpcc_set_settings(mpcc, settings) =
-    ccall(address(357), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
+    ccall(address(358), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
 
 """
     swb_mpcc_get_settings(mpcc, settings, struct_size) -> swb_status
@@ -6811,7 +6822,7 @@ Options of a program, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_mpcc_get_settings(mpcc, settings, struct_size) =
-    ccall(address(358), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
+    ccall(address(359), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
 
 """
     swb_mpcc_set_iteration(mpcc, iteration, user_data) -> swb_status
@@ -6822,7 +6833,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_iteration(mpcc, iteration, user_data) =
-    ccall(address(359), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
+    ccall(address(360), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
 
 """
     swb_mpcc_set_log(mpcc, log, user_data) -> swb_status
@@ -6833,7 +6844,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_log(mpcc, log, user_data) =
-    ccall(address(360), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
+    ccall(address(361), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
 
 """
     swb_mpcc_interrupt(mpcc) -> swb_status
@@ -6845,35 +6856,35 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_mpcc_interrupt(mpcc) = ccall(address(361), swb_status, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_interrupt(mpcc) = ccall(address(362), swb_status, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_free(mpcc) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mpcc_free(mpcc) = ccall(address(362), Cvoid, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_free(mpcc) = ccall(address(363), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_stationarity_name(stationarity) -> Cstring
 
 Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Static.
 """
-swb_stationarity_name(stationarity) = ccall(address(363), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(364), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
 
 Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
-swb_doubt_name(doubt) = ccall(address(364), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(365), Cstring, (Int32,), doubt)
 
 """
     swb_second_order_name(second_order) -> Cstring
 
 Name of an enum swb_second_order, such as \"saddle\"; NULL for any other number. Static.
 """
-swb_second_order_name(second_order) = ccall(address(365), Cstring, (Int32,), second_order)
+swb_second_order_name(second_order) = ccall(address(366), Cstring, (Int32,), second_order)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -6886,7 +6897,7 @@ Name a variable, a constraint or a pair: reports and messages of the log use it.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(366), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(367), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -6899,7 +6910,7 @@ Name all variables, constraints or pairs.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(367), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(368), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -6913,7 +6924,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(368), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(369), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -6930,7 +6941,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(369), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(370), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -6954,7 +6965,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(370), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(371), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -6967,7 +6978,7 @@ What is known of the point of the last solve: type of stationarity, B-stationari
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(371), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(372), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -6980,7 +6991,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(372), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(373), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -6992,7 +7003,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(373), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(374), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -7004,7 +7015,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(374), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(375), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -7016,6 +7027,6 @@ The same for people: a table with the worst violations and what looks wrong abou
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(375), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(376), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

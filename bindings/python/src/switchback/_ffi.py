@@ -1097,6 +1097,7 @@ FUNCTIONS = {
     "swb_last_user_code": (c_int32, []),
     "swb_last_error_copy": (c_int32, [c_void_p, c_int64, c_void_p]),
     "swb_live_objects": (c_int64, []),
+    "swb_error_handled": (None, []),
     "swb_status_string": (c_char_p, [c_int32]),
     "swb_status_name": (c_char_p, [c_int32]),
     "swb_version": (c_char_p, []),

@@ -169,8 +169,9 @@ def _steps(ax: Any, times: numpy.ndarray, controls: numpy.ndarray, names: Sequen
 
 
 #: Switches, and intervals of a mode, that are drawn one by one. More cannot be told apart in a picture of this width: their
-#: marks are left out, and bands and shades are drawn as one image instead of thousands of shapes.
+#: marks are left out, and intervals less than a pixel apart are drawn as one.
 _MOST_MARKS = 400
+_PIXELS = 1000  # across a panel
 
 
 def _marks(ax: Any, run: Run, at: numpy.ndarray, chosen: Sequence[int], colors: Sequence[Any]) -> None:
@@ -179,6 +180,11 @@ def _marks(ax: Any, run: Run, at: numpy.ndarray, chosen: Sequence[int], colors: 
         own = [i for i, s in enumerate(run.switches) if s.kind == kind]
         for i, color in zip(chosen if own else (), colors):
             ax.plot(run.switch_times[own], at[own, i], mark, color=color, markersize=5, linestyle="none")
+
+
+def _finest(run: Run, count: int) -> float:
+    """The shortest gap between intervals that is drawn, where there are `count` of them."""
+    return (run.t_end - run.t_start) / _PIXELS if count > _MOST_MARKS else 0.0
 
 
 def _joined(spans: Sequence[tuple[float, float]], width: float) -> list[tuple[float, float]]:
@@ -194,18 +200,17 @@ def _joined(spans: Sequence[tuple[float, float]], width: float) -> list[tuple[fl
 
 def _shade(ax: Any, spans: Sequence[tuple[float, float]]) -> None:
     """Grey where a subsystem slides."""
-    if len(spans) > _MOST_MARKS:
-        ax.broken_barh(
-            [(a, b - a) for a, b in spans], (0, 1), transform=ax.get_xaxis_transform(), color="0.5", alpha=0.12, linewidth=0.0, rasterized=True
-        )
-        return
     for a, b in spans:
         ax.axvspan(a, b, color="0.5", alpha=0.12, linewidth=0.0)
 
 
 def _sliding(run: Run) -> list[tuple[float, float]]:
     """Intervals in which several modes of a subsystem are active."""
-    return [(a, b) for k in range(len(run.n_modes)) for a, b, modes in run.active(k) if len(modes) > 1]
+    found: list[tuple[float, float]] = []
+    for k in range(len(run.n_modes)):
+        own = [(a, b - a) for a, b, modes in run.active(k) if len(modes) > 1]
+        found += [(a, a + length) for a, length in (_joined(own, _finest(run, len(own))) if len(own) > _MOST_MARKS else own)]
+    return found
 
 
 def plot_run(
@@ -439,9 +444,8 @@ def _bands(ax: Any, run: Run) -> None:
     for k, n in enumerate(run.n_modes):
         spans = run.active(k)
         for i in range(n):
-            own = _joined([(a, b - a) for a, b, on in spans if i in on], 0.0)
-            many = len(own) > _MOST_MARKS
-            ax.broken_barh(own, (len(labels) - 0.4, 0.8), facecolor=f"C{k % 10}", alpha=0.8, linewidth=0.0 if many else None, rasterized=many)
+            own = _joined([(a, b - a) for a, b, on in spans if i in on], _finest(run, len(spans)))
+            ax.broken_barh(own, (len(labels) - 0.4, 0.8), facecolor=f"C{k % 10}", alpha=0.8)
             labels.append(_mode_label(words, k, i))
     ax.set_yticks(range(len(labels)), labels, fontsize="x-small")
     ax.set_ylim(-0.6, len(labels) - 0.4)
