@@ -10,6 +10,9 @@
  * array. Inputs are copied. Matrices are compressed by columns with indices from 0, rows increasing;
  * dense matrices are stored by columns. Numbers of modulus 1e20 and more are infinite. Texts are UTF-8.
  *
+ * An object for which a call that sets or adds something failed is incomplete: it refuses to run, with the
+ * first error, until swb_error_handled says that the failure was dealt with.
+ *
  * Objects are opaque and independent of each other. A const pointer to an object may be used by several
  * threads at once, any other by one; calling back into the same object from a callback is SWB_ERR_STATE.
  * A pointer to an object is a handle, of the size of a pointer, that is looked up in a table and never
@@ -50,6 +53,17 @@
 
 #ifndef SWB_API
 #define SWB_API
+#endif
+
+/* Marks calls whose result must be looked at: those that make objects, and those that compute. */
+#ifndef SWB_NODISCARD
+#if defined(__cplusplus) && __cplusplus >= 201703L
+#define SWB_NODISCARD [[nodiscard]]
+#elif defined(__GNUC__) || defined(__clang__)
+#define SWB_NODISCARD __attribute__((warn_unused_result))
+#else
+#define SWB_NODISCARD
+#endif
 #endif
 
 /* A swb_casadi of the function f that CasADi generated, whose declarations are visible. */
@@ -4221,7 +4235,7 @@ swb_status swb_scene_freeze_report(const struct swb_scene *scene,
  * @param[out] out       the new object, NULL on failure; free with swb_function_free
  * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if a size is negative
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_function_create(const char *name,
                                int64_t nx,
                                int64_t nu,
@@ -4444,7 +4458,7 @@ SWB_API void swb_function_free(struct swb_function *f);
  *         cannot be; SWB_ERR_DIMENSION or SWB_ERR_RANGE if sizes or names do not fit; SWB_ERR_UNSUPPORTED for numbers
  *         that are not double
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_function_from_casadi_library(const char *path,
                                             const char *name,
                                             const char *inputs,
@@ -4465,7 +4479,7 @@ swb_status swb_function_from_casadi_library(const char *path,
  * @param[out] out      the new object, NULL on failure; free with swb_function_free
  * @return as swb_function_from_casadi_library
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_function_from_casadi_pointers(const char *name,
                                              const struct swb_casadi *value,
                                              const struct swb_casadi *jacobian,
@@ -4489,7 +4503,7 @@ swb_status swb_function_from_casadi_pointers(const char *name,
  * @param[out] out    the new object, NULL on failure; free with swb_function_free
  * @return as swb_function_from_casadi_library
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_function_from_casadi_file(const char *casadi,
                                          const char *file,
                                          const char *name,
@@ -4508,7 +4522,7 @@ swb_status swb_function_from_casadi_file(const char *casadi,
  * @param[out] out the new object, NULL on failure; free with swb_system_free
  * @return SWB_OK; SWB_ERR_DIMENSION
  */
-SWB_API swb_status swb_system_create(int64_t nx, int64_t nu, int64_t np, struct swb_system **out);
+SWB_NODISCARD SWB_API swb_status swb_system_create(int64_t nx, int64_t nu, int64_t np, struct swb_system **out);
 
 /**
  * Set the part of the right-hand side that does not switch: nx outputs.
@@ -4636,7 +4650,7 @@ SWB_API void swb_system_free(struct swb_system *system);
  * @param[out] out the new object, NULL on failure; free with swb_expr_free
  * @return SWB_OK; SWB_ERR_NULL
  */
-SWB_API swb_status swb_expr_create(struct swb_expr **out);
+SWB_NODISCARD SWB_API swb_status swb_expr_create(struct swb_expr **out);
 
 /**
  * Constants. Values that are not finite are refused when a function is made of them.
@@ -4831,7 +4845,7 @@ SWB_API void swb_expr_free(struct swb_expr *graph);
  * @return SWB_OK; SWB_ERR_UNSUPPORTED if too many switching functions are coupled or there are too many expressions; else
  *         as swb_expr_function
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_model_create(struct swb_expr *graph,
                             const char *name,
                             int64_t nx,
@@ -4848,7 +4862,7 @@ swb_status swb_model_create(struct swb_expr *graph,
  * @param[out] out the new object, NULL on failure; free with swb_system_free
  * @return SWB_OK; SWB_ERR_NULL
  */
-SWB_API swb_status swb_model_system(const struct swb_model *model, struct swb_system **out);
+SWB_NODISCARD SWB_API swb_status swb_model_system(const struct swb_model *model, struct swb_system **out);
 
 /**
  * What a model consists of. Any output may be NULL.
@@ -5061,7 +5075,7 @@ SWB_API void swb_trajectory_free(struct swb_trajectory *trajectory);
  * @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if an option is outside its
  *         range; SWB_ERR_UNSUPPORTED if options do not go together
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_simulator_create(const struct swb_system *system,
                                 const struct swb_settings *settings,
                                 struct swb_simulator **out);
@@ -5106,7 +5120,7 @@ SWB_API swb_status swb_simulator_set_params(struct swb_simulator *sim, const dou
  * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_USER if a user function returned a negative code;
  *         SWB_ERR_NONFINITE if one has no value where it is needed
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_simulator_run(struct swb_simulator *sim,
                              double duration,
                              int64_t n_steps,
@@ -5118,7 +5132,7 @@ swb_status swb_simulator_run(struct swb_simulator *sim,
  * @param[out] outcome an enum swb_outcome; may be NULL
  * @return as swb_simulator_run
  */
-SWB_API swb_status swb_simulator_step(struct swb_simulator *sim, double h, int32_t *outcome);
+SWB_NODISCARD SWB_API swb_status swb_simulator_step(struct swb_simulator *sim, double h, int32_t *outcome);
 
 /**
  * Forget trajectory and statistics; time and state stay.
@@ -5562,7 +5576,7 @@ swb_status swb_run_jump_sensitivity(const struct swb_run *run,
  * @param[out] out   the new object, NULL on failure; free with swb_scene_free
  * @return SWB_OK; SWB_ERR_DIMENSION
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_scene_create(const char *name,
                             int64_t n_q,
                             int64_t n_v,
@@ -5586,7 +5600,7 @@ swb_status swb_scene_create(const char *name,
  * @param[out] out   the new object, NULL on failure; free with swb_scene_free
  * @return SWB_OK; SWB_ERR_DIMENSION
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_scene_create_projected(const char *name,
                                       int64_t nx,
                                       int64_t nu,
@@ -5689,7 +5703,7 @@ SWB_API swb_status swb_scene_set_impact_law(struct swb_scene *scene, int32_t law
  * @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
  *         with a message that names them
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_scene_build(struct swb_scene *scene,
                            struct swb_expr *graph);
 
@@ -5699,7 +5713,7 @@ swb_status swb_scene_build(struct swb_scene *scene,
  * @param[out] out the new object, NULL on failure; free with swb_system_free
  * @return SWB_OK; SWB_ERR_STATE if the scene is not built
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_scene_system(const struct swb_scene *scene,
                             struct swb_system **out);
 
@@ -5932,7 +5946,7 @@ swb_status swb_model_get_transition(const struct swb_model *model,
  * @param[out] out      the new object, NULL on failure; free with swb_integrator_free
  * @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if an option is outside its range
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_integrator_create(const struct swb_system *system,
                                  const struct swb_settings *settings,
                                  struct swb_integrator **out);
@@ -6031,7 +6045,7 @@ swb_status swb_integrator_set_decider(struct swb_integrator *integrator,
  * @return SWB_OK; SWB_ERR_RANGE if t_stop is behind the present time; SWB_ERR_USER if a user function returned a
  *         negative code; SWB_ERR_STATE after a call that failed so, until swb_integrator_reinit
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_integrator_step(struct swb_integrator *integrator,
                                double t_stop,
                                int32_t *kind);
@@ -6042,7 +6056,7 @@ swb_status swb_integrator_step(struct swb_integrator *integrator,
  * @param[out] outcome an enum swb_run_outcome; may be NULL
  * @return as swb_integrator_step
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_integrator_advance(struct swb_integrator *integrator,
                                   double t,
                                   int32_t *outcome);
@@ -6321,7 +6335,7 @@ SWB_API swb_status swb_step_options_init(struct swb_step_options *options, uint6
  * @return SWB_OK; SWB_ERR_STATE if the system is no scene; SWB_ERR_UNSUPPORTED for projected systems; SWB_ERR_RANGE if an
  *         option is outside its range; SWB_ERR_NUMERIC if a constant inertia is not positive definite
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_stepper_create(const struct swb_system *system,
                               const struct swb_step_options *options,
                               struct swb_stepper **out);
@@ -6367,7 +6381,7 @@ SWB_API swb_status swb_stepper_set_params(struct swb_stepper *stepper, const dou
  *         end; SWB_ERR_RANGE if friction or restitution is out of range; SWB_ERR_NUMERIC if the inertia is not positive
  *         definite; SWB_ERR_INTERRUPTED
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_stepper_step(struct swb_stepper *stepper);
 
 /**
@@ -6376,7 +6390,7 @@ swb_status swb_stepper_step(struct swb_stepper *stepper);
  * @param[in] t not before the time reached
  * @return as swb_stepper_step; where it fails, time and state are those of the last step that was made
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_stepper_advance(struct swb_stepper *stepper,
                                double t);
 
@@ -6405,7 +6419,7 @@ swb_status swb_stepper_count(const struct swb_stepper *stepper,
  *                        with 0 if they are not wanted
  * @return as swb_stepper_step, and SWB_ERR_DIMENSION
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_stepper_run(struct swb_stepper *stepper,
                            double t,
                            int64_t every,
@@ -6493,7 +6507,7 @@ SWB_API void swb_stepper_free(struct swb_stepper *stepper);
  * @param[out] out      the new object, NULL on failure; free with swb_batch_free
  * @return as swb_integrator_create
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_batch_create(const struct swb_system *system,
                             const struct swb_settings *settings,
                             struct swb_batch **out);
@@ -6509,7 +6523,7 @@ swb_status swb_batch_create(const struct swb_system *system,
  *                      thread of the caller does it all. Log and progress callbacks do not exist here
  * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_batch_run(struct swb_batch *batch,
                          double t0,
                          double t1,
@@ -6595,7 +6609,7 @@ SWB_API swb_status swb_nmpc_options_init(struct swb_nmpc_options *options, uint6
  * @return SWB_OK; SWB_ERR_UNSUPPORTED for what controllers do not know: transitions, contacts, free times and parameters, linear controls,
  *         periodicity, complementarity, penalties of the largest violation; SWB_ERR_RANGE if an option is outside its range
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_nmpc_create(struct swb_ocp *ocp,
                            const struct swb_nmpc_options *options,
                            struct swb_nmpc **out);
@@ -6813,7 +6827,7 @@ SWB_API void swb_nmpc_free(struct swb_nmpc *c);
  * @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if the horizon is not
  *         positive or an option is outside its range; SWB_ERR_DIMENSION without stages
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_ocp_create(const struct swb_system *system,
                           double horizon,
                           int64_t n_stages,
@@ -6989,7 +7003,7 @@ SWB_API swb_status swb_ocp_set_control_guess(struct swb_ocp *ocp, const double *
  *         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
  *         SWB_ERR_UNSUPPORTED if options do not go together
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_ocp_solve(struct swb_ocp *ocp,
                          int32_t *outcome);
 
@@ -7375,7 +7389,7 @@ swb_status swb_ocp_get_optimality_reason(const struct swb_ocp *ocp,
  * @param[out] out      the new object, NULL on failure; free with swb_ocp_free
  * @return as swb_ocp_create; SWB_ERR_STATE if the scene is not built
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_ocp_create_scene(const struct swb_scene *scene,
                                 double horizon,
                                 int64_t n_stages,
@@ -7540,7 +7554,7 @@ swb_status swb_ocp_random_starts(struct swb_ocp *ocp,
  * @return SWB_OK, however the solves ended; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative; that of the
  *         first start if all fail
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_ocp_solve_starts(struct swb_ocp *ocp,
                                 const double *u,
                                 int64_t n_u,
@@ -7778,7 +7792,7 @@ SWB_API swb_status swb_ocp_set_stage_params(struct swb_ocp *ocp, const double *p
  * @param[out] outcome as swb_ocp_solve
  * @return as swb_ocp_solve
  */
-SWB_API swb_status swb_ocp_solve_warm(struct swb_ocp *ocp, int32_t *outcome);
+SWB_NODISCARD SWB_API swb_status swb_ocp_solve_warm(struct swb_ocp *ocp, int32_t *outcome);
 
 /**
  * Make the last solution, one control stage later, the guess of the next solve. swb_ocp_solve_warm then simulates it from the
@@ -7865,7 +7879,7 @@ swb_status swb_ocp_jump_states(const struct swb_ocp *ocp,
  * @param[out] out      the new object, NULL on failure; free with swb_multiphase_free
  * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_multiphase_create(struct swb_ocp *const *phases,
                                  int64_t n_phases,
                                  const struct swb_settings *settings,
@@ -7916,7 +7930,7 @@ swb_status swb_multiphase_link_reset(struct swb_multiphase *m,
  * @param[out] outcome an enum swb_outcome; may be NULL
  * @return as swb_ocp_solve
  */
-SWB_API swb_status swb_multiphase_solve(struct swb_multiphase *m, int32_t *outcome);
+SWB_NODISCARD SWB_API swb_status swb_multiphase_solve(struct swb_multiphase *m, int32_t *outcome);
 
 /**
  * What the last solve found.
@@ -8005,7 +8019,7 @@ swb_status swb_model_to_json(const struct swb_model *model,
  * @return SWB_OK; SWB_ERR_RANGE if the text is no such document, with the place; SWB_ERR_UNSUPPORTED for other versions;
  *         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_model_from_json(struct swb_expr *graph,
                                const char *text,
                                const struct swb_function *const *functions,
@@ -8054,7 +8068,7 @@ swb_status swb_simulator_to_json(const struct swb_simulator *sim,
  * @param[out] out       the new object, NULL on failure; free with swb_simulator_free
  * @return as swb_model_from_json
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_simulator_from_json(const char *text,
                                    const struct swb_function *const *functions,
                                    int64_t n_functions,
@@ -8085,7 +8099,7 @@ swb_status swb_ocp_to_json(struct swb_ocp *ocp,
  * @param[out] out       the new object, NULL on failure; free with swb_ocp_free
  * @return as swb_model_from_json
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_ocp_from_json(const char *text,
                              const struct swb_function *const *functions,
                              int64_t n_functions,
@@ -8102,7 +8116,7 @@ swb_status swb_ocp_from_json(const char *text,
  * @param[out] out         the new object, NULL on failure; free with swb_mpcc_free
  * @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_mpcc_create(int64_t n,
                            int64_t np,
                            const struct swb_function *objective,
@@ -8220,7 +8234,7 @@ swb_status swb_mpcc_set_warm_start(struct swb_mpcc *mpcc,
  *         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
  *         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_mpcc_solve(struct swb_mpcc *mpcc,
                           int32_t *outcome);
 
@@ -8231,7 +8245,7 @@ swb_status swb_mpcc_solve(struct swb_mpcc *mpcc,
  * @param[out] outcome an enum swb_outcome; may be NULL
  * @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
  */
-SWB_API
+SWB_NODISCARD SWB_API
 swb_status swb_mpcc_resolve(struct swb_mpcc *mpcc,
                             int32_t *outcome);
 

@@ -106,6 +106,8 @@ inline void check(swb_status status) {
         if (!exception)
             exception = std::move(kept);
     }
+    if (status != SWB_OK)
+        swb_error_handled(); // the exception says it
     if (exception)
         std::rethrow_exception(exception);
     if (status != SWB_OK)

@@ -54,7 +54,9 @@ end
 @inline check(status::Int32) = status == Lib.SWB_OK ? nothing : throw_status(status, nothing)
 
 @noinline function throw_status(status, cause)
-    throw(exception(status, own_words(unsafe_string(Lib.swb_last_error())), Int(Lib.swb_last_user_code()), cause))
+    said, code = own_words(unsafe_string(Lib.swb_last_error())), Int(Lib.swb_last_user_code())
+    Lib.swb_error_handled() # the exception says it
+    throw(exception(status, said, code, cause))
 end
 
 """

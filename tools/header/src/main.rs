@@ -102,7 +102,45 @@ fn interface(root: &Path, all: &Options) -> Result<Vec<(String, String)>> {
     let builder = files.iter().fold(Builder::new().with_config(config), |b, file| b.with_src(file));
     let mut bytes = Vec::new();
     builder.generate()?.write(&mut bytes);
-    Ok(vec![("include/switchback.h".to_owned(), String::from_utf8(bytes)?), ("include/api.json".to_owned(), api)])
+    Ok(vec![
+        ("include/switchback.h".to_owned(), marked(&String::from_utf8(bytes)?)),
+        ("include/api.json".to_owned(), api),
+    ])
+}
+
+/// The header with `SWB_NODISCARD` before every call whose result must be looked at.
+fn marked(header: &str) -> String {
+    let lines: Vec<&str> = header.lines().collect();
+    let mut out = String::with_capacity(header.len());
+    for (k, line) in lines.iter().enumerate() {
+        // long declarations have a line for the prefix
+        let declaration = match line.strip_prefix("SWB_API") {
+            Some("") => lines.get(k + 1).copied().unwrap_or_default(),
+            Some(rest) => rest.trim_start(),
+            None => "",
+        };
+        let declaration = declaration.strip_prefix("enum ").unwrap_or(declaration);
+        let name = declaration.strip_prefix("swb_status ").and_then(|l| l.split('(').next()).unwrap_or_default();
+        if must_be_looked_at(name) {
+            out.push_str("SWB_NODISCARD ");
+        }
+        out.push_str(line);
+        out.push('\n');
+    }
+    out
+}
+
+/// Does a call make an object, or compute something that is read afterwards?
+fn must_be_looked_at(name: &str) -> bool {
+    const ENDS: [&str; 8] =
+        ["_run", "_step", "_advance", "_solve", "_solve_warm", "_solve_starts", "_resolve", "_build"];
+    !name.is_empty()
+        && name != "swb_expr_solve"
+        && !name.contains("_get_")
+        && (name.contains("_create")
+            || name.contains("_from_")
+            || name.ends_with("_system")
+            || ENDS.iter().any(|end| name.ends_with(end)))
 }
 
 /// Version in the `[package]` section.

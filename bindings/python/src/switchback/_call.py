@@ -121,7 +121,9 @@ def check(status: int, cause: BaseException | None = None) -> None:
     """Raise the exception of a status code with the message of the library."""
     if status != 0:
         message = _C_NAMES.sub(_python_name, lib.swb_last_error().decode("utf-8", "replace"))
-        raise from_status(status, message, lib.swb_last_user_code()) from cause
+        code = lib.swb_last_user_code()
+        lib.swb_error_handled()  # the exception says it
+        raise from_status(status, message, code) from cause
 
 
 def _framed(stack: list[Frame], current: Frame, function: Callable[..., int], converted: list[Any]) -> int:
