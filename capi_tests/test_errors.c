@@ -111,8 +111,74 @@ static void threads(void)
     CHECK_TEXT(before, swb_last_error());
 }
 
+static int32_t nothing(const swb_point *at, double *out, void *user_data)
+{
+    (void)at, (void)user_data;
+    out[0] = 0.0;
+    return 0;
+}
+
+/* Random wrong calls on a system, none of which anybody looks at: the simulator refuses with the first one's error. */
+static void incomplete_objects(void)
+{
+    uint32_t random = 7;
+    for (int round = 0; round < 36; round++) {
+        const int64_t rows[1] = {0};
+        const int8_t signs[2] = {1, -1}, same[2] = {1, 1};
+        const double x0[1] = {0.0};
+        swb_function *good = NULL, *wide = NULL;
+        swb_system *system = NULL;
+        swb_simulator *sim = NULL;
+        swb_status first = SWB_OK, status = SWB_OK;
+        CHECK_OK(swb_function_create("good", 1, 0, 0, 1, nothing, NULL, NULL, &good));
+        CHECK_OK(swb_function_create("wide", 2, 0, 0, 1, nothing, NULL, NULL, &wide));
+        CHECK_OK(swb_system_create(1, 0, 0, &system));
+        CHECK_OK(swb_system_set_f0(system, good));
+        CHECK_OK(swb_simulator_create(system, NULL, &sim));
+        swb_simulator_free(sim);
+        int calls = 1 + round % 3;
+        for (int k = 0; k < calls; k++) {
+            random = random * 1664525u + 1013904223u;
+            switch (random >> 16 & 3) {
+            case 0: status = swb_system_set_f0(system, wide); break;
+            case 1: status = swb_system_set_f0(system, NULL); break;
+            case 2: status = swb_system_add_subsystem(system, rows, 1, good, 2, good, signs, 2, NULL); break;
+            default: status = swb_system_add_subsystem(system, rows, 1, good, 1, good, same, 2, NULL); break;
+            }
+            CHECK(status < 0);
+            first = k == 0 ? status : first;
+        }
+        CHECK_OK(swb_system_set_f0(system, good)); /* a later success is not the call that failed */
+        CHECK(swb_simulator_create(system, NULL, &sim) == first && sim == NULL);
+        CHECK(strstr(swb_last_error(), "swb_system is incomplete") != NULL);
+        swb_error_handled(); /* of no call that set something: nothing is forgotten */
+        CHECK(swb_simulator_create(system, NULL, &sim) == first);
+        swb_system_free(system);
+
+        /* who says that the failure was dealt with goes on */
+        CHECK_OK(swb_system_create(1, 0, 0, &system));
+        CHECK_OK(swb_system_set_f0(system, good));
+        CHECK(swb_system_set_f0(system, wide) == SWB_ERR_DIMENSION);
+        swb_error_handled();
+        CHECK_OK(swb_simulator_create(system, NULL, &sim));
+        CHECK(swb_simulator_set_state(sim, 0.0, x0, 2) == SWB_ERR_DIMENSION);
+        CHECK(swb_simulator_run(sim, 1.0, 1, NULL) == SWB_ERR_DIMENSION);
+        swb_simulator_free(sim);
+        swb_system_free(system);
+        swb_function_free(good);
+        swb_function_free(wide);
+    }
+    swb_function *none = NULL;
+    swb_system *system = NULL;
+    CHECK(swb_function_create("none", -1, 0, 0, 1, nothing, NULL, NULL, &none) == SWB_ERR_DIMENSION);
+    CHECK_OK(swb_system_create(1, 0, 0, &system));
+    CHECK(swb_system_set_f0(system, none) == SWB_ERR_NULL && strstr(swb_last_error(), "nx is -1") != NULL);
+    swb_system_free(system);
+}
+
 int main(void)
 {
+    incomplete_objects();
     if (check_slow())
         calls = 200;
     codes();

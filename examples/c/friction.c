@@ -2,6 +2,8 @@
 #include <stdio.h>
 #include <switchback.h>
 
+#define CHECK(call) if ((call) != SWB_OK) return fprintf(stderr, "%s\n", swb_last_error()), 1
+
 static int32_t smooth(const swb_point *at, double *out, void *user_data)
 {
     (void)user_data;
@@ -34,17 +36,16 @@ int main(void)
     swb_system *system;
     swb_simulator *sim;
 
-    swb_function_create("f0", 3, 0, 0, 3, smooth, NULL, NULL, &f0);
-    swb_function_create("friction", 3, 0, 0, 2, friction, NULL, NULL, &modes);
-    swb_function_create("v", 3, 0, 0, 1, velocity, NULL, NULL, &psi);
-    swb_system_create(3, 0, 0, &system);
-    swb_system_set_f0(system, f0);
-    swb_system_add_subsystem(system, rows, 1, modes, 2, psi, signs, 2, NULL);
-    if (swb_simulator_create(system, NULL, &sim) || swb_simulator_set_state(sim, 0.0, x0, 3) ||
-        swb_simulator_run(sim, 10.0, 50, NULL) || swb_simulator_get_state(sim, x, 3)) {
-        fprintf(stderr, "%s\n", swb_last_error());
-        return 1;
-    }
+    CHECK(swb_function_create("f0", 3, 0, 0, 3, smooth, NULL, NULL, &f0));
+    CHECK(swb_function_create("friction", 3, 0, 0, 2, friction, NULL, NULL, &modes));
+    CHECK(swb_function_create("v", 3, 0, 0, 1, velocity, NULL, NULL, &psi));
+    CHECK(swb_system_create(3, 0, 0, &system));
+    CHECK(swb_system_set_f0(system, f0));
+    CHECK(swb_system_add_subsystem(system, rows, 1, modes, 2, psi, signs, 2, NULL));
+    CHECK(swb_simulator_create(system, NULL, &sim));
+    CHECK(swb_simulator_set_state(sim, 0.0, x0, 3));
+    CHECK(swb_simulator_run(sim, 10.0, 50, NULL));
+    CHECK(swb_simulator_get_state(sim, x, 3));
     printf("q = %.10f, v = %.10f\n", x[0], x[1]);
     swb_simulator_free(sim);
     swb_system_free(system);

@@ -164,8 +164,9 @@ def _steps(ax: Any, times: numpy.ndarray, controls: numpy.ndarray, names: Sequen
     """Controls that are constant between times."""
     for column, label in zip(controls.T, names):
         ax.stairs(column, times, baseline=None, label=label, linewidth=1.5)
-    ax.set_ylabel("controls")
-    _legend(ax, len(names))
+    ax.set_ylabel("controls" if len(names) != 1 else f"control {names[0]}")
+    if len(names) > 1:
+        _legend(ax, len(names))
 
 
 #: Switches, and intervals of a mode, that are drawn one by one. More cannot be told apart in a picture of this width: their
