@@ -256,6 +256,7 @@ static void *simulate(void *argument)
             job->failures++;
         if (swb_simulator_set_state(sim, 0.0, OSCILLATOR_X0, 3) != SWB_ERR_DIMENSION)
             job->failures++;
+        swb_error_handled();
     }
     swb_simulator_free(sim);
     return NULL;

@@ -178,11 +178,11 @@ static void incomplete_objects(void)
 
 int main(void)
 {
-    incomplete_objects();
     if (check_slow())
         calls = 200;
     codes();
     last_error();
     threads();
+    incomplete_objects();
     return CHECK_DONE();
 }

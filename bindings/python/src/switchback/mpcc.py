@@ -19,7 +19,7 @@ from ._solver import Solver
 from .errors import ArgumentError, DimensionError, UnsupportedError
 from .function import Function, _arguments, _Entries, _numbers, _pointer, _reader, _view, sparse_entries
 from .recorded import facts_html
-from .results import HasOutcome, LinearStats, OnIteration, OnLog, Residuals, Stats, polished_of
+from .results import HasOutcome, LinearStats, OnIteration, OnLog, Residuals, Stats, outcome_name, polished_of
 from .settings import Settings
 
 __all__ = [
