@@ -10,17 +10,73 @@ use crate::event::{Accumulation, Outcome, Zeno};
 /// Intervals between switches that are remembered.
 pub(super) const MEMORY: usize = 8;
 
+/// The last times at which one function of the state vanished, or the weight of one cell: a *source* of switches. Infinitely many switches in
+/// finite time are so of at least one source, as there are finitely many. So it is the times of one source that say whether
+/// switches accumulate: those of many sources that happen to act together say nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct History {
+    times: [f64; MEMORY + 1],
+    n: usize,
+    /// What was before [`Recent::forget`] is of another epoch.
+    epoch: usize,
+}
+
+impl History {
+    fn note(&mut self, t: f64, epoch: usize) {
+        if self.epoch != epoch {
+            (self.n, self.epoch) = (0, epoch);
+        }
+        self.times[self.n % (MEMORY + 1)] = t;
+        self.n += 1;
+    }
+
+    /// The time so many switches before the last one; none where there were not so many.
+    pub(super) fn back(&self, switches: usize) -> Option<f64> {
+        (switches < self.n.min(MEMORY + 1)).then(|| self.times[(self.n - 1 - switches) % (MEMORY + 1)])
+    }
+
+    /// The last time between two of them, or one of those before it.
+    pub(super) fn gap(&self, back: usize) -> Option<f64> {
+        self.back(back).zip(self.back(back + 1)).map(|(now, before)| now - before)
+    }
+
+    /// Is this another `n` of them?
+    pub(super) fn is_nth(&self, n: usize) -> bool {
+        self.n % n == 0
+    }
+
+    /// All intervals that are remembered, the oldest first, if there are as many as that.
+    pub(super) fn gaps(&self) -> Option<[f64; MEMORY]> {
+        self.back(MEMORY)?;
+        Some(std::array::from_fn(|i| {
+            let time = |back| self.back(back).unwrap_or(f64::NAN);
+            time(MEMORY - 1 - i) - time(MEMORY - i)
+        }))
+    }
+}
+
+/// The last switches but for their times.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Kind {
+    source: usize,
+    /// Functions that vanished.
+    zeros: usize,
+    /// Nothing slid behind it.
+    free: bool,
+}
+
 /// Where switches were lately.
+#[derive(Default)]
 pub(super) struct Recent {
     pub(super) gaps: [f64; MEMORY],
     pub(super) n: usize,
     pub(super) last: f64,
-    /// Indicators that vanished, `MEMORY × n_q`.
-    pub(super) zero: Vec<bool>,
-    /// Nothing slid behind them.
-    pub(super) free: [bool; MEMORY],
-    /// They were transitions.
-    pub(super) jumped: [bool; MEMORY],
+    kinds: [Kind; MEMORY],
+    /// By source, see [`Engine::source`].
+    sources: Vec<History>,
+    epoch: usize,
+    /// When an indicator vanished last.
+    vanished: Vec<f64>,
     /// Where the run began, or went on with other data: the time, and the indicators.
     pub(super) start: (f64, Vec<f64>),
     /// The usual sizes of states, and the part of them that they are taken for, see [`Engine::set_sizes`].
@@ -171,9 +227,42 @@ impl Series {
 }
 
 impl Recent {
-    /// Time between two switches, the `i`-th of those that are remembered.
-    pub(super) fn gap(&self, i: usize) -> f64 {
-        self.gaps[(self.n + i) % MEMORY]
+    /// Of `n_q` indicators and `n_cells` cells; `sizes` are the usual ones of states.
+    pub(super) fn new(n_q: usize, n_cells: usize, sizes: Vec<f64>) -> Recent {
+        Recent {
+            sources: vec![History::default(); n_q + n_cells],
+            vanished: vec![f64::NEG_INFINITY; n_q],
+            start: (f64::NAN, vec![f64::NAN; n_q]),
+            sizes,
+            sized: 1.0,
+            rates: vec![(f64::NAN, f64::NAN); n_q],
+            ..Recent::default()
+        }
+    }
+
+    /// What was says nothing about what comes.
+    pub(super) fn forget(&mut self) {
+        self.n = 0;
+        self.epoch += 1;
+    }
+
+    /// Of one source, as far as it says something.
+    pub(super) fn of(&self, source: usize) -> History {
+        Some(self.sources[source]).filter(|h| h.epoch == self.epoch).unwrap_or_default()
+    }
+
+    /// Were the last switches crossings of the same surfaces, without sliding?
+    pub(super) fn are_crossings_of_one(&self, switches: usize) -> bool {
+        let kind = |back: usize| self.kinds[(self.n + MEMORY - 1 - back) % MEMORY];
+        kind(0).free && (1..switches).all(|back| kind(back) == kind(0))
+    }
+
+    /// Of the source of the last switch.
+    pub(super) fn of_last(&self) -> History {
+        match self.n {
+            0 => History::default(),
+            n => self.of(self.kinds[(n - 1) % MEMORY].source),
+        }
     }
 
     /// Follows the series of the intervals behind a crossing of function `j` with this rate, if it is resolved.
@@ -218,36 +307,38 @@ impl Recent {
         best.min_by(|a, b| a.spread.total_cmp(&b.spread)).map_or(t, |l| l.t)
     }
 
-    /// Transitions among the last switches.
-    pub(super) fn transitions(&self) -> usize {
-        let place = |back: usize| (self.n + MEMORY - back) % MEMORY;
-        (1..=self.n.min(MEMORY)).filter(|back| self.jumped[place(*back)]).count()
-    }
-
-    /// Is it transitions that accumulate where anything does? One of them, such as that which begins a phase of a controller, is only
-    /// followed by what does.
-    pub(super) fn is_of_transitions(&self) -> bool {
-        self.transitions() > 1
-    }
-
     /// Time between the last two switches or jumps.
     pub(super) fn last_gap(&self) -> f64 {
         self.gaps[(self.n + MEMORY - 1) % MEMORY]
     }
 }
 
+/// What is left of the intervals between switches of one source, the oldest first, if they become shorter as a geometric series does. One long
+/// interval with short ones behind it is none: there it is by chance that several of them are close.
+fn rest_of_series(gaps: &[f64; MEMORY]) -> Option<f64> {
+    /// Ratio of two sums of intervals, one behind the other, of which more than this is left over.
+    const SHRINKS: f64 = 0.95;
+    /// How much larger the last ratio of two intervals and the next two may be than those before it.
+    const LARGER: f64 = 4.0;
+    let pair = |i: usize| gaps[2 * i] + gaps[2 * i + 1];
+    let ratio = |i: usize| pair(i + 1) / pair(i);
+    let (old, new) = (pair(0) + pair(1), pair(2) + pair(3));
+    let (last, earlier) = (ratio(2), ratio(0).min(ratio(1)));
+    let whole = new / old;
+    (whole < SHRINKS && last < SHRINKS && last <= LARGER * earlier).then(|| new * whole / (1.0 - whole))
+}
+
 impl Engine {
-    /// Notes the time of a switch, and what vanished there: `j` among it, with this rate, if it is known.
-    pub(super) fn remember(&mut self, crossed: Option<(usize, f64)>) {
-        self.remember_as(crossed, false);
+    /// What is watched, as a source of switches: by indicator, then by cell.
+    pub(super) fn source(&self, w: &Watch) -> usize {
+        match *w {
+            Watch::Leave { cell, .. } => self.q0.len() + cell,
+            Watch::Enter { a, .. } | Watch::Guard { a, .. } | Watch::Contact { a, .. } => a,
+        }
     }
 
-    /// Notes the time of a transition.
-    pub(super) fn remember_transition(&mut self) {
-        self.remember_as(None, true);
-    }
-
-    fn remember_as(&mut self, crossed: Option<(usize, f64)>, jumped: bool) {
+    /// Notes the time of a switch of this source, and what vanished there: `j` among it, with this rate, if it is known.
+    pub(super) fn remember(&mut self, source: usize, crossed: Option<(usize, f64)>) {
         let (gap, sharpness) = (self.t - self.recent.last, self.sharpness());
         let usual = crossed.map_or(f64::INFINITY, |(j, rate)| self.reach_of(j) / rate.abs());
         let noise = sharpness * usual;
@@ -255,14 +346,17 @@ impl Engine {
         let i = self.recent.n % MEMORY;
         self.recent.gaps[i] = gap;
         self.recent.last = self.t;
-        let n = self.zero.len();
-        self.recent.zero[i * n..(i + 1) * n].copy_from_slice(&self.zero);
-        self.recent.free[i] = self.field.n_alg() == 0;
-        self.recent.jumped[i] = jumped;
+        let mut zeros = 0;
+        for (last, _) in self.recent.vanished.iter_mut().zip(&self.zero).filter(|(_, zero)| **zero) {
+            *last = self.t;
+            zeros += 1;
+        }
+        self.recent.kinds[i] = Kind { source, zeros, free: self.field.n_alg() == 0 };
+        self.recent.sources[source].note(self.t, self.recent.epoch);
         self.recent.n += 1;
         self.recent.follow(resolved, noise);
         let before = crossed.and_then(|(j, _)| self.rate_before(j, self.t, self.recent.n == 1));
-        let before = before.filter(|_| self.recent.n == 1 || self.crosses_one_surface(2));
+        let before = before.filter(|_| self.recent.n == 1 || self.recent.are_crossings_of_one(2));
         self.recent.falling.note(crossed, (gap, usual), before);
         self.follow_sharpness();
     }
@@ -284,7 +378,7 @@ impl Engine {
         let Watch::Enter { a, b: None, .. } = self.watches[l] else { return false };
         let at = self.t + self.step.h;
         let Some(before) = self.rate_before(a, at, self.recent.n == 0) else { return false };
-        let free = self.recent.n == 0 || self.crosses_one_surface(1);
+        let free = self.recent.n == 0 || self.recent.are_crossings_of_one(1);
         let since = at - self.recent.last;
         free && self.depart[l] == 0 && self.recent.falling.expect((rate / before).abs(), since)
     }
@@ -330,28 +424,27 @@ impl Engine {
         }
     }
 
-    /// Marks what vanished at the last switches, and what the present sliding modes tie.
-    pub(super) fn mark_recent(&mut self) {
-        self.mark_last(MEMORY);
+    /// Marks what has vanished since some time, and what the present sliding modes tie.
+    pub(super) fn mark_since(&mut self, from: f64) {
+        self.zero.iter_mut().zip(&self.recent.vanished).for_each(|(zero, last)| *zero = *last >= from);
+        self.keep_surfaces();
     }
 
-    /// The same for so many of them.
-    pub(super) fn mark_last(&mut self, switches: usize) {
-        let n = self.zero.len();
-        self.zero.fill(false);
-        for back in 1..=switches {
-            let m = (self.recent.n + MEMORY - back) % MEMORY;
-            for j in 0..n {
-                self.zero[j] |= self.recent.zero[m * n + j];
-            }
-        }
-        self.keep_surfaces();
+    /// Since when the source of the last switch is remembered, if it has switched as often as that.
+    pub(super) fn since(&self) -> Option<f64> {
+        self.recent.of_last().back(MEMORY)
+    }
+
+    /// Has the same transition happened more than once since some time? One of them, such as that which begins a phase of a controller, is
+    /// only followed by what accumulates.
+    pub(super) fn jumped_since(&self, from: f64) -> bool {
+        self.field.guards.all.iter().any(|g| self.recent.of(g.q).back(1).is_some_and(|t| t >= from))
     }
 
     /// Does the present mode slide on all surfaces that the last switches were at? The last of them began it, where the
     /// surfaces could not be told apart any more.
-    fn is_past_accumulation(&mut self) -> bool {
-        self.mark_recent();
+    fn is_past_accumulation(&mut self, from: f64) -> bool {
+        self.mark_since(from);
         let all = self.zero.clone();
         self.zero.fill(false);
         self.keep_surfaces();
@@ -360,23 +453,14 @@ impl Engine {
 
     /// Do switches accumulate here? Then the policy decides.
     pub(super) fn accumulate(&mut self) -> Result<Option<Progress>> {
-        if !self.recent.is_of_transitions() {
-            if let Some(p) = self.approach_limit_set()? {
-                return Ok(Some(p));
-            }
+        if let Some(p) = self.approach_limit_set()? {
+            return Ok(Some(p));
         }
-        if self.recent.n <= MEMORY {
-            return Ok(None);
-        }
-        let half = MEMORY / 2;
-        let gap = |i: usize| self.recent.gap(i);
-        let (old, new) = ((0..half).map(gap).sum::<f64>(), (half..MEMORY).map(gap).sum::<f64>());
-        let ratio = new / old;
-        let stuck = old + new <= 64.0 * EPS * self.t.abs();
-        if !(ratio < 0.95 || stuck) {
-            return Ok(None);
-        }
-        let left = if stuck { 0.0 } else { new * ratio / (1.0 - ratio) };
+        let history = self.recent.of_last();
+        let Some((gaps, from)) = history.gaps().zip(self.since()) else { return Ok(None) };
+        let stuck = self.t - from <= 64.0 * EPS * self.t.abs();
+        let left = if stuck { Some(0.0) } else { rest_of_series(&gaps) };
+        let Some(left) = left else { return Ok(None) };
         for i in 0..self.nx {
             let tol = self.atol[i] + self.rtol[i] * self.x[i].abs();
             if self.f[i].abs() * left > 1e-2 * tol.max(4.0 * EPS * self.x[i].abs()) && !stuck {
@@ -388,20 +472,20 @@ impl Engine {
             return Ok(None);
         }
         self.stats.accumulations += 1;
-        let jumps = self.recent.is_of_transitions();
-        self.recent.n = 0;
+        let jumps = self.jumped_since(from);
+        self.recent.forget();
         let limit = self.t + left;
         if jumps {
             return Ok(Some(self.end_at_accumulation(limit)));
         }
         let text = format!("switches accumulate at t = {limit}");
         if self.options.zeno != Zeno::Stop {
-            if self.is_past_accumulation() {
+            if self.is_past_accumulation(from) {
                 let t = self.recent.limit(limit);
                 self.accumulations_push(Accumulation { t, until: self.t, steps: 0, error: 0.0 });
                 return Ok(None);
             }
-            self.mark_recent();
+            self.mark_since(from);
             if let Some(p) = self.enter_limit_set(FAILED, limit, Origin::Outside)? {
                 return Ok(Some(p));
             }
@@ -415,7 +499,7 @@ impl Engine {
             return Ok(Some(self.fail(Outcome::Zeno, text)));
         }
         let before = self.field.active.clone();
-        self.mark_recent();
+        self.mark_since(from);
         let kept = self.kept_modes();
         let formed = self.form_modes(&kept);
         if !recover(formed, false)? {

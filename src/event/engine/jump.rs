@@ -4,18 +4,66 @@
 //! derivatives at fixed time are `S⁺ = r_x (S⁻ + f⁻ dt) + r_p + r_t dt − f⁺ dt`; several resets at one time follow each other
 //! in between.
 
+use std::collections::HashMap;
+
 use super::{recover, Engine, Progress, EPS};
 use crate::error::{Error, Result};
 use crate::event::watch::Watch;
 use crate::event::{Jump, Outcome};
 use crate::func::EvalError;
+use crate::stop;
 
-/// Transitions at one time at most: more of them trigger each other for ever.
-const MOST: usize = 64;
+/// How often one transition happens at one time at most, whatever others do in between.
+const MOST: u32 = 1024;
 /// A guard that since the last jump has come no further than this many roundings of its value goes to and fro in rounding.
 const NOISE: f64 = 64.0;
 /// The first step behind a jump may be this much longer than the time since the jump before it.
 const LONGER: f64 = 4.0;
+
+/// Transitions that follow each other at one time.
+///
+/// They go on for ever where the same one happens in the same state again: from there on everything repeats, as what follows depends on the
+/// state alone. Such a cycle is found with one remembered state, which moves on whenever twice as many have gone by
+/// (R. P. Brent, An improved Monte Carlo factorization algorithm, BIT 20 (1980) 176-184). Those whose states never repeat are given up.
+#[derive(Default)]
+struct Cascade {
+    made: usize,
+    /// The transition that is remembered, the state before it, and after how many.
+    mark: (usize, Vec<f64>, usize),
+    /// How often each has happened.
+    times: HashMap<usize, u32>,
+}
+
+impl Cascade {
+    /// Transition `g` is to happen in state `x`: says why not, if it never comes to an end.
+    fn endless(&mut self, g: usize, x: &[f64]) -> Option<String> {
+        self.made += 1;
+        let (marked, state, at) = &mut self.mark;
+        if *at > 0 && *marked == g && state == x {
+            let cycle = self.made - *at;
+            return Some(format!(
+                "transitions trigger each other for ever at one time: {cycle} after transition {g} it happens again, in the same state"
+            ));
+        }
+        if self.made >= 2 * *at {
+            (*marked, *at) = (g, self.made);
+            state.clear();
+            state.extend_from_slice(x);
+        }
+        if self.made == 1 {
+            // most have no other behind them
+            return None;
+        }
+        let times = self.times.entry(g).or_default();
+        *times += 1;
+        (*times > MOST).then(|| {
+            format!(
+                "transition {g} happens {MOST} times at one time, in other states: they come to no end, or are so many that they \
+                 should be one transition"
+            )
+        })
+    }
+}
 
 impl Engine {
     /// The guard of watch `l` vanishes at the present point.
@@ -51,10 +99,7 @@ impl Engine {
         self.arrive()?;
         let w = self.watches[l];
         let rate = if slope.is_finite() { w.rate(&self.field.dq, &self.field, &self.f) } else { slope };
-        let noise = NOISE * w.rounding(&self.field.dq, &self.field, t, &self.x);
-        if self.recent.n > 0
-            && (rate >= 0.0 || self.recent.transitions() > 0 && -rate * (t - self.recent.last) <= noise)
-        {
+        if self.has_not_moved(&w, rate)? {
             self.end_at_accumulation(t);
             return Ok(());
         }
@@ -63,8 +108,26 @@ impl Engine {
         self.differentiate_time(l)?;
         self.zero.fill(false);
         self.zero[self.field.guards.all[guard].q] = true;
-        self.remember_transition();
+        self.remember(self.source(&w), None);
         self.make(guard, -rate)
+    }
+
+    /// Has a guard that vanishes at this rate come no further than rounding since it did so last?
+    fn has_not_moved(&mut self, w: &Watch, rate: f64) -> std::result::Result<bool, EvalError> {
+        let Some(before) = self.recent.of(self.source(w)).back(0) else { return Ok(false) };
+        let noise = NOISE * w.rounding(&self.field.dq, &self.field, self.t, &self.x);
+        if rate.abs() * (self.t - before) > noise {
+            return Ok(false);
+        }
+        // a zero of higher order has no rate
+        self.step.at(0.5, &mut self.node);
+        self.field.watched(self.step.t + 0.5 * self.step.h, &self.node)?;
+        let mut moved = w.value(&self.field.q, &self.field).abs();
+        self.step.at(0.0, &mut self.node);
+        self.field.watched(self.step.t, &self.node)?;
+        moved = moved.max(w.value(&self.field.q, &self.field).abs());
+        self.field.watched(self.t, &self.x)?;
+        Ok(moved <= noise)
     }
 
     /// Makes the transitions whose guards hold at the present point, if there are any; the derivatives of the time are those
@@ -91,14 +154,16 @@ impl Engine {
         if let Some(s) = &mut self.sens {
             s.advance(&self.f_before, 1.0);
         }
-        let mut resets = Vec::new();
+        let (mut resets, mut cascade) = (Vec::new(), Cascade::default());
         let (mut next, mut rate, mut unique, mut made) = (Some(guard), rate, true, 0);
         let length = self.usual_step();
         while let Some(g) = next {
-            if made == MOST {
-                let text = format!("{MOST} transitions at one time: {g} and others trigger each other for ever");
+            if let Some(text) = cascade.endless(g, &self.x) {
                 self.fail(Outcome::NoContinuation, text);
                 return Ok(());
+            }
+            if stop::requested().is_some() {
+                return Err(EvalError::Stopped);
             }
             made += 1;
             self.field.reset(g, (self.t, &self.x), recorded, &mut self.reset)?;

@@ -78,17 +78,24 @@ impl Engine {
             self.shrinking.note(sum);
         }
         // the state moves within the tolerance from one switch to the next
-        let gap = self.recent.last_gap();
-        let close = (0..self.nx).all(|i| self.f[i].abs() * gap <= 10.0 * self.tolerance_of(i));
-        let endless = self.shrinking.endless();
-        // an unstable set is left by ever longer ways
-        let later: f64 = (MEMORY / 2..MEMORY).map(|i| self.recent.gap(i)).sum();
-        let many = self.recent.n > MEMORY;
+        let history = self.recent.of_last();
+        let (Some(gap), Some(before)) = (history.gap(0), history.gap(1)) else { return Ok(None) };
+        let endless = self.shrinking.endless() && self.recent.n % MEMORY == 0;
         // times between them that are hardly more than rounding say nothing soon
         let late = gap <= LATE * EPS * self.t.abs();
-        let shrinks = later < 0.5 * self.recent.gaps.iter().sum::<f64>() && (self.recent.n % 4 == 0 || late);
-        let falls = gap < FAST * self.recent.gap(MEMORY - 2) && self.crosses_one_surface(FEW);
-        if !(close && (many && shrinks || falls) || endless && self.recent.n % MEMORY == 0) {
+        let many = history.gaps().zip(self.since());
+        // an unstable set is left by ever longer ways
+        let shrinks = many.filter(|(gaps, from)| {
+            let later: f64 = gaps[MEMORY / 2..].iter().sum();
+            later < 0.5 * (self.t - from) && (history.is_nth(4) || late)
+        });
+        let falls = gap < FAST * before && self.recent.are_crossings_of_one(FEW);
+        if !(shrinks.is_some() || falls || endless) {
+            return Ok(None);
+        }
+        let close = || (0..self.nx).all(|i| self.f[i].abs() * gap <= 10.0 * self.tolerance_of(i));
+        let from = many.map_or(self.t - gap - before, |(_, from)| from);
+        if !(endless || close()) || self.jumped_since(from) {
             return Ok(None);
         }
         if self.options.zeno == Zeno::Stop {
@@ -96,7 +103,7 @@ impl Engine {
                 format!("switches come ever closer: the last {MANY} of them have an end within reach or none at all");
             return Ok(endless.then(|| self.fail(Outcome::Zeno, text)));
         }
-        self.mark_last(if many { MEMORY } else { FEW });
+        self.mark_since(from);
         let most = if endless {
             f64::INFINITY
         } else if late {
@@ -107,14 +114,6 @@ impl Engine {
         let p = self.enter_limit_set(most, self.t, Origin::Outside)?;
         self.stats.accumulations += usize::from(p.is_some());
         Ok(p)
-    }
-
-    /// Were the last switches crossings of the same surfaces, without sliding?
-    pub(super) fn crosses_one_surface(&self, switches: usize) -> bool {
-        let n = self.zero.len();
-        let place = |back: usize| (self.recent.n + MEMORY - 1 - back) % MEMORY;
-        let zero = |back: usize| &self.recent.zero[place(back) * n..(place(back) + 1) * n];
-        (0..switches).all(|back| self.recent.free[place(back)] && zero(back) == zero(0))
     }
 
     /// Next to a limit set rounding, or functions that are not defined on the other side of a surface, may make it look as if
@@ -165,11 +164,12 @@ impl Engine {
     pub(super) fn mark_near_surfaces(&mut self, most: f64) -> std::result::Result<(), EvalError> {
         self.field.watched(self.t, &self.x)?;
         self.field.watched_gradients(self.t, &self.x)?;
-        if self.recent.n > MEMORY && !self.recent.is_of_transitions() {
-            self.mark_recent();
-        } else {
-            self.zero.fill(false);
-            self.keep_surfaces();
+        match self.since().filter(|from| !self.jumped_since(*from)) {
+            Some(from) => self.mark_since(from),
+            None => {
+                self.zero.fill(false);
+                self.keep_surfaces();
+            }
         }
         for s in &self.field.subs {
             let least = self.field.q[s.q0..s.q0 + s.n_q].iter().fold(f64::INFINITY, |m, q| m.min(*q));
@@ -241,7 +241,7 @@ impl Engine {
         };
         self.limits = (self.t, if at_once { self.limits.1 + 1 } else { 0 });
         if !within {
-            self.recent.n = 0;
+            self.recent.forget();
             self.recent.falling = Default::default();
             self.shrinking = Shrinking::default();
             let t = self.recent.limit(limit);
@@ -283,7 +283,8 @@ impl Engine {
             Watch::Leave { sub, .. } => (sub, self.field.surfaces(sub)),
             _ => return Ok(false),
         };
-        let from = match self.watches[l] {
+        let from_watch = self.watches[l];
+        let from = match from_watch {
             Watch::Leave { sub, cell } if before[sub].len() == 2 => Origin::Weight { sub, cell },
             _ => Origin::Inside,
         };
@@ -301,7 +302,8 @@ impl Engine {
         self.keep_surfaces();
         let stays = self.enter_limit_set(FAILED, self.t, from)?.is_some() && self.outcome == Outcome::Reached;
         if stays {
-            self.remember(None);
+            let source = self.source(&from_watch);
+            self.remember(source, None);
             let rate = self.watches.get(l).map_or(0.0, |w| w.rate(&self.dq0, &self.field, &self.f));
             if self.field.active == before && rate > 0.0 {
                 // next to where switches accumulate the slowest rate may be that of a zero of order one

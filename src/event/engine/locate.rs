@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::event::watch::Watch;
 use crate::func::EvalError;
 
-/// A step so much shorter than the time since the last jump shows nothing but rounding of a guard.
+/// A step so much shorter than the time between the last two jumps by one guard shows nothing but rounding of a guard.
 const ROUNDING: f64 = 1e-3;
 
 /// Attempts at a location whose lengths Newton's method chooses alone, and attempts at all where the sign of what vanishes
@@ -53,7 +53,9 @@ impl Engine {
         if h <= floor && self.depart[l] == 1 && matches!(self.watches[l], Watch::Guard { .. }) {
             // a guard that has just been left with a positive rate: the step is too long for its interpolation, or so short
             // that all is rounding
-            if self.step.h > ROUNDING * self.recent.last_gap() {
+            let before = self.recent.of(self.source(&self.watches[l])).back(0).unwrap_or(self.t_start);
+            let flight = self.recent.of(self.source(&self.watches[l])).gap(0).unwrap_or(self.t - before);
+            if self.step.h > ROUNDING * flight {
                 return Ok(None);
             }
             return Ok(Some(self.end_at_accumulation(self.t)));

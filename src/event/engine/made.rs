@@ -1,6 +1,6 @@
 //! How an engine is made, and how it begins anew.
 
-use super::accumulation::{Recent, MEMORY};
+use super::accumulation::Recent;
 use super::chatter::Window;
 use super::contact::SceneRoom;
 use super::control::{Cut, FirstStep, Pace};
@@ -133,20 +133,7 @@ impl Engine {
             restart: true,
             shrinking: Shrinking::default(),
             limits: (f64::NEG_INFINITY, 0),
-            recent: Recent {
-                gaps: [0.0; MEMORY],
-                n: 0,
-                last: 0.0,
-                zero: vec![false; MEMORY * n_q],
-                free: [false; MEMORY],
-                jumped: [false; MEMORY],
-                start: (f64::NAN, vec![f64::NAN; n_q]),
-                sizes: field.floor.clone(),
-                sized: 1.0,
-                falling: Default::default(),
-                series: Default::default(),
-                rates: vec![(f64::NAN, f64::NAN); n_q],
-            },
+            recent: Recent::new(n_q, n_cells, field.floor.clone()),
             behind: false,
             passages: 0,
             passage_work: 0.0,
@@ -216,7 +203,7 @@ impl Engine {
         (self.next_pair, self.cut) = (self.usual_pair, Cut::default());
         self.last_weights.fill(f64::NAN);
         self.keeps = false;
-        self.recent.n = 0;
+        self.recent.forget();
         self.recent.series = Default::default();
         self.recent.falling = Default::default();
         self.set_sizes(1.0);

@@ -85,7 +85,7 @@ impl Engine {
         self.blur_sensitivity();
         self.t = t1;
         self.x.copy_from_slice(&x);
-        self.recent.n = 0;
+        self.recent.forget();
         self.recent.last = t1;
         self.recent.falling = Default::default();
         self.restart = true;

@@ -576,7 +576,8 @@ impl Engine {
                 Watch::Enter { a, b: None, .. } => Some((a, rate)),
                 _ => None,
             };
-            self.remember(crossed);
+            let source = self.source(&self.watches[l]);
+            self.remember(source, crossed);
         }
         if searched && !same {
             self.note_kept(before);
