@@ -47,11 +47,11 @@ pub struct Accuracy {
     /// Largest difference at the end of every stage where the simulation of the stage starts at the state of the answer:
     /// what the stage itself makes of the error, `[n_stages]`, NaN where it got stuck. Empty unless the grid is adapted.
     pub local: Vec<f64>,
-    /// The largest of the differences that are out of proportion to their states, see [`Difference`].
-    pub large: Option<Difference>,
+    /// The largest of the differences, in shares of their states, that nothing is certified beside, see [`Difference`].
+    pub apart: Option<Difference>,
 }
 
-/// A state of the answer and of the simulation at the end of a control stage, further apart than [`LARGE`] of its size.
+/// A state of the answer and of the simulation at the end of a control stage, further apart than [`APART`] of its size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Difference {
     /// Control stage.
@@ -64,8 +64,20 @@ pub struct Difference {
     pub size: f64,
 }
 
-/// Share of the size of a state from which a difference is worth a word.
+impl Difference {
+    /// The difference as a share of the size of the state.
+    pub fn share(&self) -> f64 {
+        self.value / self.size
+    }
+}
+
+/// Share of the size of a state from which a difference contradicts what is said of an answer: it is the first-order change that counts as
+/// none ([`super::optimality::NONE`]), and derivatives at another motion are off by a share of this order.
+const APART: f64 = super::optimality::NONE;
+/// The same, from which the motion is another one.
 const LARGE: f64 = 1e-2;
+/// Share of its size by which the cost of a simulation may differ from that of an answer that something is said of.
+const COST_APART: f64 = 1e-3;
 /// Multiples of its tolerance up to which a difference may be the simulation's own: its errors add up.
 const NOISE: f64 = 1e3;
 
@@ -83,7 +95,7 @@ impl Accuracy {
             x_end: vec![f64::NAN; nx],
             n_switches: 0,
             local: Vec::new(),
-            large: None,
+            apart: None,
         }
     }
 
@@ -95,6 +107,17 @@ impl Accuracy {
     /// Did the simulation reach the end of the horizon?
     pub fn reached(&self) -> bool {
         self.outcome == Some(Outcome::Reached)
+    }
+
+    /// The largest difference, where it says that the motion is another one.
+    pub fn large(&self) -> Option<Difference> {
+        self.apart.filter(|d| d.share() > LARGE)
+    }
+
+    /// Does the simulation contradict the answer, whose cost has this size? One that was not finished says nothing.
+    pub(super) fn contradicts(&self, cost_size: f64) -> bool {
+        let other_cost = !(self.cost_error.abs() <= COST_APART * cost_size);
+        self.outcome.is_some() && (!self.reached() || self.apart.is_some() || other_cost)
     }
 }
 
@@ -502,13 +525,13 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
             at_grid += values(f, &at)[0];
         }
     }
-    let large = |at: &usize| {
+    let apart = |at: &usize| {
         let (size, usual) = (sizes[at % nx], answer.usual[at % nx]);
-        differences[*at] > LARGE * size && differences[*at] > NOISE * answer.tol * usual
+        differences[*at] > APART * size && differences[*at] > NOISE * answer.tol * usual
     };
     let share = |at: &usize| differences[*at] / sizes[at % nx];
-    let worst = (0..n * nx).filter(large).max_by(|a, b| share(a).total_cmp(&share(b)).then(b.cmp(a)));
-    found.large =
+    let worst = (0..n * nx).filter(apart).max_by(|a, b| share(a).total_cmp(&share(b)).then(b.cmp(a)));
+    found.apart =
         worst.map(|at| Difference { stage: at / nx, state: at % nx, value: differences[at], size: sizes[at % nx] });
     found.terminal = found.stages[n - 1];
     found.x_end.copy_from_slice(&engine.state()[first..]);

@@ -115,7 +115,7 @@ impl Ocp {
         if self.leads_elsewhere()? {
             return Ok(false);
         }
-        Ok(self.simulated(request)?.is_none_or(|a| a.reached() && a.large.is_none()))
+        Ok(self.simulated(request)?.is_none_or(|a| a.reached() && a.large().is_none()))
     }
 
     /// The elements of the last answer.

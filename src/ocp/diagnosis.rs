@@ -263,11 +263,21 @@ impl Ocp {
                     .into(),
             );
         }
-        let d = a.large?;
+        let Some(d) = a.apart else {
+            return a.contradicts(self.cost_size(r.priced)).then(|| {
+                format!(
+                    "the simulation of the controls costs {} and not {}: nothing is certified; {}",
+                    short(a.cost),
+                    short(r.cost_reached),
+                    self.what_helps()
+                )
+            });
+        };
         let (n, own) = (a.n_switches, r.trajectory.switches.len());
         let switches = if n == own { String::new() } else { format!(", which switches {n} times and not {own} times") };
         Some(format!(
-            "state {} is off by {} at the end of stage {} (its size is {}) in the simulation of the controls{switches}: {}",
+            "state {} is off by {} at the end of stage {} (its size is {}) in the simulation of the controls{switches}, so that nothing is \
+             certified: {}",
             d.state,
             short(d.value),
             d.stage,

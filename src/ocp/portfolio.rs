@@ -713,6 +713,7 @@ impl Ocp {
         let mut r = reported?;
         if let (Some(o), Some(verdict)) = (r.optimality.as_mut().filter(|o| o.is_open()), still) {
             o.certify_by_descent(verdict);
+            self.withhold_verdict(&mut r);
         }
         self.result = Some(r);
         self.spent_in_all(&found, clock)

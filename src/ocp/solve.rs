@@ -428,6 +428,7 @@ impl Ocp {
             let options = &request.options;
             result.accuracy = Some(self.compare(&result, problem, &solution.x, extended, stage_params, c, options)?);
             result.optimality = Some(self.judge_in_time(&result, b)?);
+            self.withhold_verdict(&mut result);
         }
         let Built { problem, solver, bounds, extended, .. } = b;
         let solution = solver.solution();

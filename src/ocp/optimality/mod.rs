@@ -66,6 +66,9 @@ const AT_BOUND: f64 = 1e-6;
 const AWAY: f64 = 10.0;
 /// Why nothing is known of an answer whose controls lead elsewhere.
 pub(super) const OTHER: &str = "the simulation of the controls is not that of the answer";
+/// The same of one whose derivatives along single stages would say something.
+pub(super) const CONTRADICTED: &str =
+    "the simulation of the controls is off the answer by more than what a verdict is true within";
 /// Why the derivatives say nothing of an answer.
 const WITHOUT_DERIVATIVES: &str = "derivatives along the simulation are not finite";
 /// Share of the largest distance from a surface, in terms of indicators, at which it is touched.
@@ -183,6 +186,11 @@ impl Optimality {
             _ => "a descent on simulations gains nothing",
         };
         self.direction.clear();
+    }
+
+    /// What was found says nothing of the control problem, and why. A direction in which the cost falls stays one to try.
+    pub(super) fn withdraw(&mut self, reason: &'static str) {
+        (self.verdict, self.reason) = (Verdict::Unknown, reason);
     }
 
     /// Can a descent on simulations say more than the derivatives do?
@@ -546,6 +554,14 @@ impl Ocp {
             Err(Error::Interrupted) => stopped(Why::Interrupted),
             Err(Error::OutOfTime) => stopped(Why::OutOfTime),
             r => r,
+        }
+    }
+
+    /// Nothing is certified beside a simulation that contradicts it: the derivatives are those of another motion then.
+    pub(super) fn withhold_verdict(&self, r: &mut OcpResult) {
+        let contradicted = r.accuracy.as_ref().is_some_and(|a| a.contradicts(self.cost_size(r.priced)));
+        if let Some(o) = r.optimality.as_mut().filter(|o| contradicted && o.verdict != Verdict::Unknown) {
+            o.withdraw(CONTRADICTED);
         }
     }
 

@@ -178,7 +178,7 @@ impl Ocp {
 
     /// Says where the simulation has another discrete state than the answer.
     fn other_transitions(&self, a: &Accuracy) -> Option<String> {
-        let large = a.large.as_ref().filter(|l| self.system.discrete_states().contains(&l.state))?;
+        let large = a.large().filter(|l| self.system.discrete_states().contains(&l.state))?;
         Some(format!(
             "the simulation of the controls has another value of the discrete state {} at the end of stage {}: a transition is \
              made at the end of a stage, or a guard comes to zero and turns back there",
@@ -190,7 +190,7 @@ impl Ocp {
     /// say that it is an optimum among motions with these transitions. Where none of them is at the end of a stage and no guard that is watched
     /// touches zero, small changes of the controls keep the sequence; elsewhere the sequences next to it were solved for.
     fn certify_transitions(&self, r: &OcpResult, automaton: &Automaton, settled: bool) -> Optimality {
-        let other = r.accuracy.as_ref().is_some_and(|a| !a.reached() || a.large.is_some());
+        let other = r.accuracy.as_ref().is_some_and(|a| a.contradicts(self.cost_size(r.priced)));
         let mut kinks = Vec::new();
         let kink = Kink::without_derivatives;
         let lengths = r.durations.iter();
