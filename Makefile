@@ -1,6 +1,6 @@
 # make demo      the first pictures, within three minutes after the build: in out/
 # make examples  all examples, in C and Python: tables on the terminal, plots in out/
-# make benchmarks  the reports on accuracy and speed; takes long
+# make benchmarks  the reports on accuracy and speed, and whether the figures on the pages are theirs; takes long
 # make site      the documentation as web pages, in build/site
 # make check     everything that must hold before a commit; what .ci/run runs. Of a library without link-time optimisation, which two
 #                processors build in half of the time; make check PROFILE=release checks what is shipped
@@ -79,6 +79,9 @@ examples: deps build
 benchmarks: deps build
 	mkdir -p $(OUT)
 	$(MAKE) demo-report
+	PYTHONPATH=bindings/python/src SWITCHBACK_LIBRARY=$(LIBRARY)/libswitchback.so \
+		$(VENV)/bin/python bindings/python/benchmarks/nmpc_loops.py --out $(OUT)/benchmarks
+	$(VENV)/bin/python scripts/figures.py --times $(OUT)/benchmarks/data
 
 site: deps
 	$(MAKE) wheel

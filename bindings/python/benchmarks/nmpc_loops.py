@@ -1,12 +1,11 @@
-"""Closed loops under model predictive control: costs and times beside another implementation, as a page of docs/benchmarks.
+"""Closed loops under model predictive control: costs beside another implementation, and times, as a page of docs/benchmarks.
 
 usage: nmpc_loops.py [--out FOLDER] [--only REGEX] [--repeat N] [--quick]
 
 The problems are those of tests/data/nmpc (pendulum, chains), of examples/python/diesel.py and of examples/python/stick_slip.py. Costs
 of the smooth problems are functions of the scheme alone, so they must be met to all digits that are known. The other implementation
-is acados with code generated for every problem and DAQP on the condensed program; its times were recorded on another machine
-and are scaled by what both machines need for the same program: cold solves of the first problem by IPOPT (pip install casadi), exact
-Hessian, CasADi's virtual machine, made here in the same run. For every sample the shortest time of some loops counts.
+is acados with code generated for every problem and DAQP on the condensed program. Only its costs stand beside ours: times that were not
+measured in the same run say nothing about each other. For every sample the shortest time of some loops counts.
 
 Ours are the seconds that `prepare` and `feedback` measure themselves.
 """
@@ -17,7 +16,6 @@ import argparse
 import json
 import re
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -32,69 +30,66 @@ import nmpc as pendulum_example  # noqa: E402
 
 DATA = json.loads((ROOT / "tests/data/nmpc/problems.json").read_text())
 
-# milliseconds of cold solves by IPOPT on the machine of the recorded times
-YARDSTICK = {"pendulum": 20.3, "chain3": 200.7, "chain6": 551.0}
-
 # schemes by other names: whether the state of the next sample is known, the controller's scheme, its options. "adaptive": as many inner
 # iterations as the steps ask for
 SCHEMES = {"ideal": (True, "asc", {}), "adaptive": (False, "as_rti", {"tol": 1e-2})}
 
-# scheme, level, inner iterations, cost that is known, recorded milliseconds of preparation and feedback
+# scheme, level, inner iterations, cost that is known
 NONE = float("nan")
 ROWS = {
     "pendulum": [
-        ("RTI", "rti", "d", 0, 50.527637, 0.0706, 0.028),
-        ("AS-RTI-D-1", "as_rti", "d", 1, 42.949317, 0.162, 0.0259),
-        ("AS-RTI-D-2", "as_rti", "d", 2, 42.9678, NONE, NONE),
-        ("adaptive", "adaptive", "c", 4, NONE, NONE, NONE),
-        ("AS-RTI-A", "as_rti", "a", 1, 43.0446, NONE, NONE),
-        ("AS-RTI-B-1", "as_rti", "b", 1, 43.0461, NONE, NONE),
-        ("AS-RTI-B-3", "as_rti", "b", 3, 42.9431, NONE, NONE),
-        ("AS-RTI-C-1", "as_rti", "c", 1, 42.9791, NONE, NONE),
-        ("AS-RTI-C-3", "as_rti", "c", 3, 42.9606, NONE, NONE),
-        ("MLI-B", "mli", "b", 0, NONE, NONE, NONE),
-        ("MLI-C", "mli", "c", 0, NONE, NONE, NONE),
-        ("ideal", "ideal", "d", 100, 42.968375, NONE, NONE),
+        ("RTI", "rti", "d", 0, 50.527637),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 42.949317),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 42.9678),
+        ("adaptive", "adaptive", "c", 4, NONE),
+        ("AS-RTI-A", "as_rti", "a", 1, 43.0446),
+        ("AS-RTI-B-1", "as_rti", "b", 1, 43.0461),
+        ("AS-RTI-B-3", "as_rti", "b", 3, 42.9431),
+        ("AS-RTI-C-1", "as_rti", "c", 1, 42.9791),
+        ("AS-RTI-C-3", "as_rti", "c", 3, 42.9606),
+        ("MLI-B", "mli", "b", 0, NONE),
+        ("MLI-C", "mli", "c", 0, NONE),
+        ("ideal", "ideal", "d", 100, 42.968375),
     ],
     "chain3": [
-        ("RTI", "rti", "d", 0, 28.066576, 0.719, 0.171),
-        ("AS-RTI-D-1", "as_rti", "d", 1, 28.056979, 1.71, 0.174),
-        ("AS-RTI-D-2", "as_rti", "d", 2, 28.0570, NONE, NONE),
-        ("adaptive", "adaptive", "c", 4, NONE, NONE, NONE),
-        ("MLI-B", "mli", "b", 0, NONE, NONE, NONE),
-        ("MLI-C", "mli", "c", 0, NONE, NONE, NONE),
-        ("ideal", "ideal", "d", 100, 28.057042, NONE, NONE),
+        ("RTI", "rti", "d", 0, 28.066576),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 28.056979),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 28.0570),
+        ("adaptive", "adaptive", "c", 4, NONE),
+        ("MLI-B", "mli", "b", 0, NONE),
+        ("MLI-C", "mli", "c", 0, NONE),
+        ("ideal", "ideal", "d", 100, 28.057042),
     ],
     "chain6": [
-        ("RTI", "rti", "d", 0, 53.058806, 2.47, 0.254),
-        ("AS-RTI-D-1", "as_rti", "d", 1, 52.870885, 5.3, 0.274),
-        ("AS-RTI-D-2", "as_rti", "d", 2, 52.8673, NONE, NONE),
-        ("adaptive", "adaptive", "c", 4, NONE, NONE, NONE),
-        ("AS-RTI-A", "as_rti", "a", 1, 52.8708, NONE, NONE),
-        ("AS-RTI-B-3", "as_rti", "b", 3, 52.8680, NONE, NONE),
-        ("AS-RTI-C-3", "as_rti", "c", 3, 52.8673, NONE, NONE),
-        ("MLI-B", "mli", "b", 0, NONE, NONE, NONE),
-        ("MLI-C", "mli", "c", 0, NONE, NONE, NONE),
-        ("ideal", "ideal", "d", 100, 52.867116, NONE, NONE),
+        ("RTI", "rti", "d", 0, 53.058806),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 52.870885),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 52.8673),
+        ("adaptive", "adaptive", "c", 4, NONE),
+        ("AS-RTI-A", "as_rti", "a", 1, 52.8708),
+        ("AS-RTI-B-3", "as_rti", "b", 3, 52.8680),
+        ("AS-RTI-C-3", "as_rti", "c", 3, 52.8673),
+        ("MLI-B", "mli", "b", 0, NONE),
+        ("MLI-C", "mli", "c", 0, NONE),
+        ("ideal", "ideal", "d", 100, 52.867116),
     ],
     "diesel 50 ode": [
-        ("RTI", "rti", "d", 0, 0.00553285, 1.40, 0.364),
-        ("AS-RTI-D-1", "as_rti", "d", 1, 0.00304997, 3.03, 0.334),
-        ("AS-RTI-D-2", "as_rti", "d", 2, 0.0030377, NONE, NONE),
-        ("adaptive", "adaptive", "c", 4, NONE, NONE, NONE),
-        ("MLI-C", "mli", "c", 0, NONE, NONE, NONE),
-        ("ideal", "ideal", "d", 60, 0.00301974, NONE, NONE),
+        ("RTI", "rti", "d", 0, 0.00553285),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 0.00304997),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 0.0030377),
+        ("adaptive", "adaptive", "c", 4, NONE),
+        ("MLI-C", "mli", "c", 0, NONE),
+        ("ideal", "ideal", "d", 60, 0.00301974),
     ],
     "diesel 50 dae": [
-        ("RTI", "rti", "d", 0, 0.00553285, 4.44, 0.417),
-        ("AS-RTI-D-1", "as_rti", "d", 1, 0.00304997, 9.34, 0.39),
-        ("AS-RTI-D-2", "as_rti", "d", 2, 0.0030377, NONE, NONE),
+        ("RTI", "rti", "d", 0, 0.00553285),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 0.00304997),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 0.0030377),
     ],
     "diesel 40 dae": [
-        ("RTI", "rti", "d", 0, 0.0070286, NONE, NONE),
-        ("AS-RTI-D-1", "as_rti", "d", 1, 0.0042589, NONE, NONE),
-        ("AS-RTI-D-2", "as_rti", "d", 2, 0.0042557, NONE, NONE),
-        ("ideal", "ideal", "d", 60, 0.00413859, NONE, NONE),
+        ("RTI", "rti", "d", 0, 0.0070286),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 0.0042589),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 0.0042557),
+        ("ideal", "ideal", "d", 60, 0.00413859),
     ],
 }
 
@@ -181,50 +176,6 @@ class Tracking:
                 x = self.step(x, u, self.plant_steps) + self.noise[k]
         return cost, np.array(times)
 
-    def yardstick(self, repeat):
-        """Milliseconds of a cold solve by IPOPT."""
-        import casadi as ca
-
-        x, u = ca.MX.sym("x", self.nx, self.n + 1), ca.MX.sym("u", self.nu, self.n)
-        z, w = ca.SX.sym("z", self.nx), ca.SX.sym("w", self.nu)
-        rates = ca.vertcat(*self.rates([z[i] for i in range(self.nx)], [w[j] for j in range(self.nu)], ca))
-        f = ca.Function("f", [z, w], [rates])
-        h, y = self.ts / self.model_steps, z
-        for _ in range(self.model_steps):
-            a = f(y, w)
-            b = f(y + h / 2 * a, w)
-            c = f(y + h / 2 * b, w)
-            d = f(y + h * c, w)
-            y = y + h / 6 * (a + 2 * b + 2 * c + d)
-        psi = ca.Function("psi", [z, w], [y])
-        cost, g = 0, [x[:, 0] - self.x0]
-        for k in range(self.n):
-            e = x[:, k] - self.ref
-            cost += self.ts / 2 * (ca.dot(self.q * e, e) + ca.dot(self.r * u[:, k], u[:, k]))
-            g.append(psi(x[:, k], u[:, k]) - x[:, k + 1])
-        e = x[:, self.n] - self.ref
-        cost += ca.dot(self.qn * e, e) / 2
-        v = ca.vertcat(ca.vec(x), ca.vec(u))
-        options = {"print_time": 0, "ipopt": {"print_level": 0, "sb": "yes"}}
-        solver = ca.nlpsol("s", "ipopt", {"x": v, "f": cost, "g": ca.vertcat(*g)}, options)
-        guess = np.linspace(self.x0, self.ref, self.n + 1).ravel()
-        free = np.full(self.nx * (self.n + 1), np.inf)
-        args = {
-            "x0": np.concatenate([guess, np.zeros(self.n * self.nu)]),
-            "lbx": np.concatenate([-free, np.tile(self.lower, self.n)]),
-            "ubx": np.concatenate([free, np.tile(self.upper, self.n)]),
-            "lbg": 0,
-            "ubg": 0,
-        }
-        best = np.inf
-        for _ in range(repeat):
-            # seconds of the processor: solves are long, and others may use it too
-            t = time.thread_time()
-            found = solver(**args)
-            best = min(best, time.thread_time() - t)
-        assert solver.stats()["success"]
-        return 1e3 * best, float(found["f"]), solver.stats()["iter_count"]
-
 
 def diesel_loop(name, scheme, level, inner):
     _, n, form = name.split()
@@ -248,19 +199,12 @@ def main():
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--quick", action="store_true", help="RTI and AS-RTI-D-1 alone, nothing is written")
     args = parser.parse_args()
-    ratios, lines, records = [], [], []
-    for name, recorded in YARDSTICK.items():
-        if re.search(args.only, name):
-            ms, cost, iterations = Tracking(name).yardstick(3 * args.repeat)
-            ratios.append(ms / recorded)
-            lines.append(f"{name:14} {ms:8.1f} ms, recorded {recorded:6.1f}, ratio {ms / recorded:.3f}, cost {cost:.7f}, {iterations} iterations")
-            print(lines[-1], flush=True)
-    scale = float(np.exp(np.mean(np.log(ratios)))) if ratios else NONE
-    head = f"{'problem':14} {'scheme':11} {'cost':>13} {'known':>11} {'prepare':>9} {'peer':>8} {'feedback':>9} {'peer':>7} {'worst':>7}"
+    records = []
+    head = f"{'problem':14} {'scheme':11} {'cost':>13} {'known':>11} {'prepare':>9} {'feedback':>9} {'worst':>7}"
     table = [head]
     print(head, flush=True)
     for problem, rows in ROWS.items():
-        for scheme_name, scheme, level, inner, known, prepare, feedback in rows:
+        for scheme_name, scheme, level, inner, known in rows:
             if not re.search(args.only, problem) or (args.quick and scheme_name not in ("RTI", "AS-RTI-D-1")):
                 continue
             if problem.startswith("diesel"):
@@ -271,16 +215,13 @@ def main():
             repeat = 1 if scheme == "ideal" else (min(args.repeat, 3) if problem.startswith("diesel") else args.repeat)
             cost, times = shortest(run, repeat)
             own, worst = 1e6 * times.mean(0), 1e6 * times[:, 1].max()
-            peer = [1e3 * scale * prepare, 1e3 * scale * feedback]
             records.append(
                 {"problem": problem, "scheme": scheme_name, "cost": cost, "known": known, "prepare_us": own[0], "feedback_us": own[1],
-                 "worst_feedback_us": worst, "peer_prepare_us": peer[0], "peer_feedback_us": peer[1]}
+                 "worst_feedback_us": worst}
             )  # fmt: skip
-            shown = lambda v, w, d: f"{v:{w}.{d}f}" if np.isfinite(v) else " " * (w - 1) + "-"  # noqa: E731
             known_text = f"{known:>11}" if np.isfinite(known) else f"{'-':>11}"
             table.append(
-                f"{problem:14} {scheme_name:11} {cost:13.9g} {known_text} {own[0]:9.1f} {shown(peer[0], 8, 1)} {own[1]:9.2f} "
-                f"{shown(peer[1], 7, 1)} {worst:7.1f}"
+                f"{problem:14} {scheme_name:11} {cost:13.9g} {known_text} {own[0]:9.1f} {own[1]:9.2f} {worst:7.1f}"
             )
             print(table[-1], flush=True)
     if args.quick or args.only:
@@ -288,8 +229,8 @@ def main():
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "data").mkdir(exist_ok=True)
     clean = [{k: (None if isinstance(v, float) and not np.isfinite(v) else v) for k, v in r.items()} for r in records]
-    (args.out / "data" / "nmpc.json").write_text(json.dumps({"scale": scale, "loops": clean}, indent=1) + "\n")
-    text = PAGE.format(scale=scale, yardstick="\n".join(lines), table="\n".join(table))
+    (args.out / "data" / "nmpc.json").write_text(json.dumps({"loops": clean}, indent=1) + "\n")
+    text = PAGE.format(table="\n".join(table))
     (args.out / "nmpc.md").write_text(text)
 
 
@@ -302,13 +243,8 @@ Costs of closed loops are functions of the scheme: whoever implements the same o
 implementation (acados, code generated for every problem, DAQP on the condensed program), with as many digits as it gives.
 
 Times are microseconds on one core, for every sample the shortest of some loops, then the mean over the samples; `worst` is the longest
-feedback among them. The times `peer` were recorded on another machine and are multiplied by {scale:.3f}, which is what this machine
-needs for cold solves of the first problems by IPOPT in this run (seconds of the processor), in units of what that one did. The machine was shared; times are good to some
-ten per cent:
-
-```
-{yardstick}
-```
+feedback among them. The machine was shared; times are good to some ten per cent. No times of other implementations stand here: none was
+measured in the same run.
 
 ```
 {table}
@@ -317,7 +253,7 @@ ten per cent:
 The pendulum has 4 states, the chains 21 and 39, the diesel generator 17 and, as `dae`, 18 algebraic ones besides; horizons have 40 stages
 and those of the generator as many as its name says. The plain MLI controllers keep the matrices of their first linearisation, which
 the swing-up of the pendulum leaves far behind. `adaptive` makes inner iterations of level C until the estimated contraction leaves
-less than a hundredth of the size of states and controls, at most four; `ideal` solves every problem with the state that will be measured. The peer has levels only inside advanced steps, so there is nothing beside the MLI rows.
+less than a hundredth of the size of states and controls, at most four; `ideal` solves every problem with the state that will be measured.
 """
 
 
