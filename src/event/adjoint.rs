@@ -13,8 +13,8 @@ use crate::stop;
 /// A part of the function whose gradient is wanted, beside what depends on the final state.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Term {
-    /// Depends on the state at time `t`, with derivative `v`. The run has to stop there ([`Engine::advance`]); at a
-    /// switch it is the state just before.
+    /// Depends on the state at time `t`, with derivative `v`. The run has to stop there ([`Engine::advance`]); where
+    /// something happens at that time, it is the state that the stop shows, behind it.
     ///
     /// [`Engine::advance`]: super::Engine::advance
     State {
@@ -126,6 +126,14 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
             Entry::Gap { t } => {
                 let why = "steps through accumulating switches have no derivatives";
                 return Err(Error::State(format!("t = {t}: {why}")));
+            }
+            Entry::Apart { t } => {
+                let why = "several events happen at one time, and which is the first decides where the motion goes on";
+                return Err(Error::State(format!("t = {t}: {why}: there are no derivatives")));
+            }
+            Entry::Stop { t } => {
+                terms.add_states(t, &mut s.v);
+                Ok(())
             }
             Entry::Project { at, set, t } => {
                 s.enter(set);

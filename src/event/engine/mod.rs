@@ -455,6 +455,14 @@ impl Engine {
 
     /// Does one step, not beyond `t_stop`.
     pub fn step(&mut self, t_stop: f64) -> Result<Progress> {
+        let progress = self.step_inner(t_stop)?;
+        if let Some(tape) = self.tape.as_mut().filter(|_| self.t == t_stop) {
+            tape.stop(t_stop);
+        }
+        Ok(progress)
+    }
+
+    fn step_inner(&mut self, t_stop: f64) -> Result<Progress> {
         if !t_stop.is_finite() {
             finite("time", &[t_stop], 1)?;
         }
