@@ -228,8 +228,7 @@ pub(super) fn in_function(name: &str, e: Error) -> Error {
 /// # Errors
 /// Those of expressions that cannot be saved, or restored.
 pub fn expressions_of(dag: &mut Dag, f: &dyn Function) -> Option<Result<Vec<Id>>> {
-    let known = f.as_any().and_then(|any| any.downcast_ref::<ExprFunction>())?;
-    Some(known.source().and_then(|source| source.restore(dag, &[])))
+    Some(f.expressions()?.and_then(|source| source.restore(dag, &[])))
 }
 
 impl Function for ExprFunction {
@@ -299,6 +298,9 @@ impl Function for ExprFunction {
     }
     fn as_any(&self) -> Option<&dyn std::any::Any> {
         Some(self)
+    }
+    fn expressions(&self) -> Option<Result<SavedGraph>> {
+        Some(self.source().cloned())
     }
     fn bundle(&self, parts: &[(&dyn Function, Range<usize>)]) -> Option<Box<dyn Bundle>> {
         Some(Box::new(Program::new(parts)?))

@@ -225,6 +225,15 @@ impl SavedGraph {
         self
     }
 
+    /// The roots as those at `places` among `n`; all others are zero.
+    pub(crate) fn scattered(mut self, n: usize, places: &[u32]) -> SavedGraph {
+        let zero = self.nodes.len() as u32;
+        self.nodes.push(SavedNode::Const(0.0));
+        let roots = std::mem::replace(&mut self.roots, vec![zero; n]);
+        roots.into_iter().zip(places).for_each(|(root, &at)| self.roots[at as usize] = root);
+        self
+    }
+
     /// Signatures of the functions that are called.
     pub fn functions(&self) -> &[Signature] {
         &self.functions

@@ -243,9 +243,7 @@ impl Ocp {
         if r.durations.iter().all(|d| *d > 0.0) {
             self.durations.clone_from(&r.durations);
         }
-        if self.stage_params.is_none() {
-            self.params.clone_from(&r.params);
-        }
+        self.params = self.params_from(r);
         self.modes = r.is_exact().then(|| r.modes());
         Ok(())
     }

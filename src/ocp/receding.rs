@@ -62,6 +62,44 @@ impl Ocp {
         Ok(())
     }
 
+    /// Makes an answer that was found before one of the problem as it is stated now, to start from: what is data is that of now, what is free
+    /// stays within the bounds of now.
+    pub(super) fn restate(&self, r: &mut OcpResult) {
+        r.params = self.params_from(r);
+        r.durations = self.durations_from(&r.durations);
+        let nu = self.system.dims().u.max(1);
+        let [lower, upper] = &self.u_bounds;
+        for u in r.controls.chunks_exact_mut(nu).chain(r.control_ends.chunks_exact_mut(nu)) {
+            u.iter_mut().zip(lower.iter().zip(upper)).for_each(|(u, (l, h))| *u = u.clamp(*l, *h));
+        }
+    }
+
+    /// Parameters to start from: those that are free as an answer has them, within the bounds of now, the others as they are set.
+    pub(super) fn params_from(&self, r: &OcpResult) -> Vec<f64> {
+        let mut params = self.params.clone();
+        let Some([lower, upper]) = self.p_bounds.as_ref().filter(|_| self.stage_params.is_none()) else {
+            return params;
+        };
+        for (j, p) in params.iter_mut().enumerate().filter(|(j, _)| lower[*j] < upper[*j]) {
+            *p = r.params[j].clamp(lower[j], upper[j]);
+        }
+        params
+    }
+
+    /// Lengths of stages to start from, likewise: where the horizon is free the stages have their shares of it.
+    fn durations_from(&self, found: &[f64]) -> Vec<f64> {
+        let within = |d: f64| d.clamp(self.time_bounds[0], self.time_bounds[1]);
+        match self.time {
+            Durations::Fixed => self.durations.clone(),
+            Durations::Horizon => {
+                let own: f64 = self.durations.iter().sum();
+                let share = within(found.iter().sum()) / own;
+                self.durations.iter().map(|d| d * share).collect()
+            }
+            Durations::Stages => found.iter().map(|d| within(*d)).collect(),
+        }
+    }
+
     /// Solves from the solution one stage earlier. What was found is given back where that is no exact answer, or costs more than was to be
     /// expected: something happened to the plant, and other plans may be better now.
     pub(super) fn solve_shifted(
@@ -71,9 +109,7 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<Option<Candidates>> {
         let clock = Instant::now();
-        if self.time == Durations::Fixed {
-            moved.durations.clone_from(&self.durations);
-        }
+        self.restate(&mut moved);
         if let Some(e) = moved.trajectory.elements.first_mut() {
             for (i, x) in e.x0.iter_mut().enumerate() {
                 let (l, u) = (self.x0_bounds[0][i], self.x0_bounds[1][i]);

@@ -72,7 +72,7 @@ impl Ocp {
         let x0 = elements[0].x0.clone();
         let params: Vec<f64> = match &self.stage_params {
             Some(p) => p.clone(),
-            None => r.params.repeat(self.n_stages),
+            None => self.params_from(r).repeat(self.n_stages),
         };
         let usual = self.sizes.as_ref().map_or_else(|| self.prior_sizes(), |s| s.x.clone());
         let answer = Answer {
@@ -140,9 +140,7 @@ impl Ocp {
         if r.durations.iter().all(|d| *d > 0.0) {
             work.durations.clone_from(&r.durations);
         }
-        if work.stage_params.is_none() {
-            work.params.clone_from(&r.params);
-        }
+        work.params = self.params_from(r);
         let along = (&traced.times[..], &traced.states[..]);
         work.sizes = Some(self.sizes_along(along, &r.controls, &r.durations, known));
         work.modes = Some(s.modes(dcs.form()));

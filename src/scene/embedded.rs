@@ -2,6 +2,8 @@
 
 use std::sync::OnceLock;
 
+use crate::error::Result;
+use crate::expr::{Block, SavedGraph};
 use crate::func::{Dims, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
 use crate::system::SharedFunction;
@@ -97,6 +99,16 @@ impl Function for Embedded {
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
         // there are none: the functions of contacts are differentiated once
         self.at(at, work, |there, _, work| self.inner.hessian(there, weights, out, work))
+    }
+
+    fn expressions(&self) -> Option<Result<SavedGraph>> {
+        let number = |block: Block, i: usize| match block {
+            Block::X => self.x[i] as usize,
+            Block::P => self.p[i] as usize,
+            _ => i,
+        };
+        let widened = |inner: SavedGraph| inner.renumbered(&number).scattered(self.n_out, &self.out);
+        Some(self.inner.expressions()?.map(widened))
     }
 
     fn is_serial(&self) -> bool {

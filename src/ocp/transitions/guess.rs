@@ -114,8 +114,9 @@ impl Guess {
         Guess { passages, controls, ..self.clone() }
     }
 
-    /// That of an answer.
-    pub fn of(r: &OcpResult, t0: f64) -> Guess {
+    /// That of an answer of the problem, which may have begun at another time.
+    pub fn of(r: &OcpResult) -> Guess {
+        let t0 = r.trajectory.elements.first().map_or(0.0, |e| e.t);
         let (mut times, mut states) = (Vec::new(), Vec::new());
         for e in &r.trajectory.elements {
             times.push(e.t - t0);

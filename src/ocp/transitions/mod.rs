@@ -300,7 +300,9 @@ impl<'a> Search<'a> {
         if let Some(r) = last.filter(|r| r.outcome == Outcome::Solved) {
             let passage = |j: &JumpMade| Passage { transition: j.transition, stage: j.stage, at_once: j.at_once };
             let sequence: Sequence = r.jumps.iter().map(passage).collect();
-            self.attempt(sequence, &Guess::of(r, self.ocp.t0), control)?;
+            let mut start = r.clone();
+            self.ocp.restate(&mut start);
+            self.attempt(sequence, &Guess::of(&start), control)?;
         }
         // an answer of before may have a sequence that the problem of now does not admit
         if self.found.is_empty() {
@@ -361,7 +363,7 @@ impl<'a> Search<'a> {
     /// Tries the sequences next to one that was found, the nearest first, up to the first one that is better than all.
     fn expand(&mut self, k: usize, control: &mut Control) -> Result<()> {
         let f = &mut self.found[k];
-        let (sequence, guess) = (f.sequence.clone(), Guess::of(&f.result, self.ocp.t0));
+        let (sequence, guess) = (f.sequence.clone(), Guess::of(&f.result));
         // what is no answer does not say which guards matter
         let near = f.result.is_exact().then(|| guess::distances(&f.result, self.ocp, &self.automaton));
         let near = |t: usize, k: usize| near.as_ref().is_none_or(|n: &Vec<Vec<f64>>| n[t][k] <= NEAR);
