@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::dag::{Block, Dag, Group, Id, Node};
+use super::extend::Domains;
 use super::op::{Binary, Unary};
 use crate::error::Result;
 use crate::stop;
@@ -15,6 +16,8 @@ const MAX_BRANCHES: usize = 1024;
 pub struct Undecided {
     roots: Vec<Id>,
     ids: Vec<Id>,
+    /// What arguments are at least, see [`extend`](super::extend).
+    domains: Domains,
 }
 
 impl Dag {
@@ -91,7 +94,8 @@ impl Dag {
 
     /// Expressions to be decided, for many sign patterns one after the other.
     pub fn undecided(&self, roots: &[Id]) -> Undecided {
-        Undecided { roots: roots.to_vec(), ids: self.reachable(roots) }
+        let ids = self.reachable(roots);
+        Undecided { domains: self.domains(roots, &ids), roots: roots.to_vec(), ids }
     }
 
     /// What [`Dag::decide`] makes of these expressions. Only what a pattern leaves of them is built.
@@ -99,7 +103,7 @@ impl Dag {
         let ids = self.left_of(all, sign);
         let mut replace = |dag: &mut Dag, s: u32| sign(s as usize).map(|holds| dag.truth(holds));
         let place = |block: Block, i: u32| (block, i as usize);
-        self.rebuild_nodes(&all.roots, ids, &mut replace, &place, &BTreeMap::new(), true)
+        self.rebuild_nodes(&all.roots, ids, &mut replace, &place, &BTreeMap::new(), &all.domains)
     }
 
     /// What of the conditions among some expressions is known under a pattern, in the order of their nodes.
@@ -251,7 +255,8 @@ impl Dag {
         decides: bool,
     ) -> Vec<Id> {
         let ids = self.reachable(roots);
-        self.rebuild_nodes(roots, ids, replace, place, by, decides)
+        let domains = if decides { self.domains(roots, &ids) } else { Domains::new() };
+        self.rebuild_nodes(roots, ids, replace, place, by, &domains)
     }
 
     /// The same where the nodes that are copied, children first, are known.
@@ -262,7 +267,7 @@ impl Dag {
         replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>,
         place: &dyn Fn(Block, u32) -> (Block, usize),
         by: &BTreeMap<Id, Id>,
-        decides: bool,
+        domains: &Domains,
     ) -> Vec<Id> {
         let top = ids.last().map_or(0, |id| id.index() + 1);
         let mut new: Vec<Option<Id>> = vec![None; top];
@@ -291,18 +296,22 @@ impl Dag {
                         }
                     }
                 },
-                Node::Unary(op, old) => {
-                    let positive = decides && matches!(op, Unary::Sqrt | Unary::Log);
-                    let a = if positive { self.within_domain(old, at(old)) } else { at(old) };
+                Node::Unary(op, a) => {
+                    let a = self.in_domain(domains, id, at(a));
                     self.unary(op, a)
                 }
-                Node::Binary(op, old, b) => {
-                    let (a, b) = (at(old), at(b));
-                    let a = if decides && op == Binary::Pow { self.within_domain(old, a) } else { a };
+                Node::Binary(Binary::Div, a, b) => {
+                    let (a, b) = (at(a), at(b));
+                    let b = self.in_domain(domains, id, b);
+                    self.binary(Binary::Div, a, b)
+                }
+                Node::Binary(op, a, b) => {
+                    let (a, b) = (at(a), at(b));
+                    let a = self.in_domain(domains, id, a);
                     self.binary(op, a, b)
                 }
                 Node::PowI(a, n) => {
-                    let a = at(a);
+                    let a = self.in_domain(domains, id, at(a));
                     self.powi(a, n)
                 }
                 Node::Piecewise(table, order, a) => {
@@ -340,6 +349,11 @@ impl Dag {
             new[id.index()] = Some(copy);
         }
         roots.iter().map(|r| new.get(r.index()).copied().flatten().unwrap_or(*r)).collect()
+    }
+
+    /// The argument of the function that takes the place of node `id`.
+    fn in_domain(&mut self, domains: &Domains, id: Id, argument: Id) -> Id {
+        domains.get(&id).map_or(argument, |least| self.continued(argument, *least))
     }
 
     fn copy_group(&mut self, g: u32, new: &[Option<Id>]) -> u32 {

@@ -127,7 +127,7 @@ impl Function for Embedded {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::expr::Graph;
+    use crate::expr::{Dag, ExprFunction, Graph};
     use std::sync::Arc;
 
     #[test]
@@ -161,5 +161,18 @@ mod tests {
         e.jacobian(&at, &mut j, &mut work).unwrap();
         large.jacobian(&at, &mut k, &mut work).unwrap();
         assert_eq!(j, k);
+        // as expressions it is the same function, with the second derivatives that it has not
+        let mut dag = Dag::new();
+        let outputs = e.expressions().unwrap().and_then(|s| s.restore(&mut dag, &[])).unwrap();
+        let whole = ExprFunction::new("whole", &mut dag, all, &outputs).unwrap();
+        assert_eq!((whole.jac_pattern(), whole.hess_pattern()), (large.jac_pattern(), large.hess_pattern()));
+        let mut work = vec![0.0; whole.work_len().max(large.work_len())];
+        whole.value(&at, &mut u, &mut work).unwrap();
+        assert_eq!(u, v);
+        let n = whole.hess_pattern().nnz();
+        let (mut h, mut g) = (vec![0.0; n], vec![0.0; n]);
+        whole.hessian(&at, &[1.0, 2.0, 3.0, 4.0, 5.0], &mut h, &mut work).unwrap();
+        large.hessian(&at, &[1.0, 2.0, 3.0, 4.0, 5.0], &mut g, &mut work).unwrap();
+        assert!(n > 0 && h == g, "{h:?} {g:?}");
     }
 }
