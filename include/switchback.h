@@ -6816,8 +6816,9 @@ swb_status swb_nmpc_interrupt(const struct swb_nmpc *c);
 SWB_API void swb_nmpc_free(struct swb_nmpc *c);
 
 /**
- * Create an optimal control problem. Bounds are infinite, the initial state is free, initial time and
- * parameters are zero, and there is no cost, until they are set.
+ * Create an optimal control problem. Bounds are infinite, the initial state is free, the initial time is zero,
+ * parameters have no values, and there is no cost, until they are set. A problem whose parameters have no values is not solved:
+ * SWB_ERR_STATE.
  *
  * @param[in]  system   copied; may be freed afterwards
  * @param[in]  horizon  duration

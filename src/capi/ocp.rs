@@ -243,8 +243,9 @@ pub(super) unsafe fn change(ocp: *mut swb_ocp, body: impl FnOnce(&mut Ocp) -> Re
     unsafe { handle::with_mut(ocp, |o| body(o.ocp.get())) }
 }
 
-/// Create an optimal control problem. Bounds are infinite, the initial state is free, initial time and
-/// parameters are zero, and there is no cost, until they are set.
+/// Create an optimal control problem. Bounds are infinite, the initial state is free, the initial time is zero,
+/// parameters have no values, and there is no cost, until they are set. A problem whose parameters have no values is not solved:
+/// SWB_ERR_STATE.
 ///
 /// @param[in]  system   copied; may be freed afterwards
 /// @param[in]  horizon  duration

@@ -267,6 +267,8 @@ pub(super) struct SavedOcp {
     state_bounds: Interval,
     initial_bounds: Interval,
     control_bounds: Interval,
+    /// Empty until they are set.
+    #[serde(default)]
     params: Vec<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     nominal: Option<SavedNominal>,
@@ -350,7 +352,7 @@ impl SavedOcp {
             state_bounds: interval(s.x_bounds),
             initial_bounds: interval(s.x0_bounds),
             control_bounds: interval(s.u_bounds),
-            params: s.params.to_vec(),
+            params: if s.params.iter().any(|p| p.is_nan()) { Vec::new() } else { s.params.to_vec() },
             nominal: (!s.nominal.is_empty()).then(|| SavedNominal {
                 states: s.nominal.x.clone(),
                 controls: s.nominal.u.clone(),
@@ -401,7 +403,9 @@ impl SavedOcp {
             }
         }
         // parameters of stages replace these
-        ocp.set_params(&self.params)?;
+        if !self.params.is_empty() {
+            ocp.set_params(&self.params)?;
+        }
         self.restore_terms(&mut ocp, supplied)?;
         let bounds = [&self.state_bounds, &self.initial_bounds, &self.control_bounds];
         let [x, x0, u] = bounds.map(Interval::values);

@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::freezing::Report;
 use crate::func::Point;
 use crate::mpcc::MpccSettings;
-use crate::nlp::{Control, Outcome, Statistics};
+use crate::nlp::{allowance, Control, Outcome, Statistics};
 use crate::stop::{self, Why};
 pub(super) use again::{solve_again, solve_beside, Sought};
 use looks::LOOKED_GAIN;
@@ -305,7 +305,7 @@ impl<'a> Search<'a> {
 
     /// Is no more to be spent?
     fn is_over(&self) -> bool {
-        self.effort >= self.most_effort || stop::requested().is_some()
+        self.effort >= self.most_effort || stop::requested().is_some() || allowance::is_over()
     }
 
     /// The best answer with what the search has spent; nothing without one.

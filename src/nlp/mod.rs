@@ -14,6 +14,7 @@
 //! Newton system, `filter` the acceptance test, `linesearch` the steps, `restore` the elastic problem,
 //! `saddle` the way out of saddle points, `curvature` the conditions of second order, `tangent` derivatives of solutions, `solver` the main loop.
 
+pub(crate) mod allowance;
 mod augmented;
 mod callback;
 mod centrality;

@@ -1,5 +1,6 @@
 //! How a solve ended, what it cost, and what is left of every residual.
 
+use super::allowance;
 use crate::stop::{self, Stop, Why};
 
 /// How an algorithm ended. Values ≥ 0 come with a usable point.
@@ -138,6 +139,9 @@ pub struct IterationInfo {
     pub phase: u8,
 }
 
+/// Phase of linear programs of certificates, whose iterations are none of the solve.
+const CERTIFICATE: u8 = b'c';
+
 /// What can stop a solve from outside, and who is told of its progress.
 #[derive(Default)]
 pub struct Control<'a> {
@@ -160,6 +164,13 @@ impl Control<'_> {
 
     /// Runs `body` with a control that reports every iteration as one of `phase`.
     pub(crate) fn in_phase<R>(&mut self, phase: u8, body: impl FnOnce(&mut Control) -> R) -> R {
+        if phase == CERTIFICATE {
+            return allowance::apart(|| self.marked(phase, body));
+        }
+        self.marked(phase, body)
+    }
+
+    fn marked<R>(&mut self, phase: u8, body: impl FnOnce(&mut Control) -> R) -> R {
         let stop = self.stop.clone();
         match &mut self.monitor {
             None => body(&mut Control::of(stop)),

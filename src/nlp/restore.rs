@@ -6,6 +6,7 @@
 //!
 //! Wächter and Biegler, section 3.3. Ends when the violation of the original rows has dropped.
 
+use super::allowance;
 use super::iterate::{barrier, primal_error, theta, Iterate, RowKind, Shape};
 use super::problem::{Bilinear, Bounds, Nlp};
 use super::report::{Control, Outcome, Statistics};
@@ -344,7 +345,9 @@ impl Ipm {
                 Some(Outcome::Infeasible)
             }
             Outcome::Solved => None,
-            Outcome::Stalled | Outcome::MaxIter if self.stats.iterations < self.settings.max_iter => {
+            Outcome::Stalled | Outcome::MaxIter
+                if self.stats.iterations < self.settings.max_iter && !allowance::is_over() =>
+            {
                 Some(Outcome::Stalled)
             }
             other => Some(other),

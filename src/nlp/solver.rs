@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::time::Instant;
 
+use super::allowance;
 use super::augmented::{sigma_s, Augmented};
 use super::centrality::{Direction, Offsets};
 use super::filter::Filter;
@@ -407,6 +408,7 @@ impl Ipm {
                     Advance::Done
                         if self.phase != b'p'
                             && self.stats.iterations < self.settings.max_iter
+                            && !allowance::is_over()
                             && saddle.ends(self.system.delta_w) =>
                     {
                         if !self.disturb(nlp, saddle.disturbed) {
@@ -444,7 +446,7 @@ impl Ipm {
                     }
                 }
             }
-            if self.stats.iterations >= self.settings.max_iter {
+            if self.stats.iterations >= self.settings.max_iter || allowance::is_over() {
                 return Outcome::MaxIter;
             }
             if self.diverges(&m) {
@@ -512,6 +514,7 @@ impl Ipm {
                 }
             }
             self.stats.iterations += 1;
+            allowance::spend();
             self.stats.max_delta_w = self.stats.max_delta_w.max(self.system.delta_w);
         }
     }

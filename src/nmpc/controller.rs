@@ -262,6 +262,16 @@ impl Nmpc {
         self.note(outcome)
     }
 
+    /// Parameters without values are an error: all of them have values, or none.
+    fn check_params(&self) -> Result<()> {
+        if !self.model.nodes.p.first().is_some_and(|p| p.is_nan()) {
+            return Ok(());
+        }
+        Err(Error::State(
+            "the parameters have no values: give them by set_params of the controller, or of the problem before it is made of that".into(),
+        ))
+    }
+
     /// Is the present program solved once more before its gradient is evaluated again, or is that gradient compared with a later one?
     fn program_stays(&self) -> bool {
         match self.options.level {
@@ -401,6 +411,7 @@ impl Nmpc {
     /// # Errors
     /// [`Error::Dimension`]; [`Error::Interrupted`] if the call was to end; [`Error::User`] for a fatal code of a callback.
     pub fn prepare(&mut self, predicted: Option<&[f64]>) -> Result<Preparation> {
+        self.check_params()?;
         if let Some(x) = predicted {
             finite("predicted state", x, self.nx())?;
         }
@@ -764,6 +775,7 @@ impl Nmpc {
     /// # Errors
     /// [`Error::Numeric`] if it does not converge in `max_iter` steps; the iterate is the best point found.
     pub fn initialise(&mut self, x0: &[f64], max_iter: usize) -> Result<usize> {
+        self.check_params()?;
         finite("initial value", x0, self.nx())?;
         self.finish();
         self.has_prediction = false;

@@ -7,7 +7,7 @@ use super::request::{Comparison, Request};
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
-use crate::nlp::Statistics;
+use crate::nlp::{allowance, Outcome, Statistics};
 
 /// Tolerance of the simulation that answers are compared with.
 const TOLERANCE: f64 = 1e-7;
@@ -29,6 +29,8 @@ pub(super) struct Candidates {
     pub agreed: bool,
     /// Answers of smoothed problems whose mode programs have none.
     pub missed: Vec<OcpResult>,
+    /// What came closest of what is no answer, where iterations are counted.
+    pub closest: Option<Box<OcpResult>>,
     /// Sizes of the quantities of the problem.
     pub known: Sizes,
     /// What all took, and the seconds to build their problems.
@@ -49,6 +51,11 @@ impl Candidates {
         self.spent.add(&r.stats);
         self.work += r.stats.iterations * r.dimensions.0;
         self.time_build += r.time_build;
+        let closer = |c: &OcpResult| r.residuals.primal < c.residuals.primal;
+        if allowance::left() < usize::MAX && r.outcome == Outcome::MaxIter && self.closest.as_deref().is_none_or(closer)
+        {
+            self.closest = Some(Box::new(r.clone()));
+        }
     }
 
     /// Cost of the best.

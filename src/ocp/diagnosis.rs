@@ -50,6 +50,12 @@ impl OcpResult {
     pub(super) fn take(&mut self, d: Diagnosis) {
         (self.message, self.outcome, self.undefined) = (d.message, d.outcome, d.undefined);
     }
+
+    /// Says one thing more.
+    pub(super) fn add_remark(&mut self, text: &str) {
+        let more = if self.message.is_empty() { "" } else { "; " };
+        self.message = format!("{}{more}{text}", self.message);
+    }
 }
 
 /// What the problem with relaxed constraints showed of the problem itself.
@@ -71,11 +77,13 @@ impl Ocp {
         if r.outcome == Outcome::Stopped {
             return d;
         }
-        if r.outcome != Outcome::Solved || r.polish == Polish::Rejected {
-            let text = self.why_not(case, request, control, &mut d);
+        let crowded = self.crowded(r, case.problem);
+        let inexact = r.outcome != Outcome::Solved || r.polish == Polish::Rejected;
+        if inexact {
+            let text = self.why_not(case, crowded.as_deref(), request, control, &mut d);
             d.message = text;
         }
-        if let Some(remark) = self.remark(r) {
+        if let Some(remark) = self.remark(r, crowded.as_deref().filter(|_| !inexact)) {
             let more = if d.message.is_empty() { "" } else { "; " };
             d.message = format!("{}{more}{remark}", d.message);
         }
@@ -83,7 +91,14 @@ impl Ocp {
     }
 
     /// Why there is no exact solution.
-    fn why_not(&self, case: &mut Case, request: &Request, control: &Control, d: &mut Diagnosis) -> String {
+    fn why_not(
+        &self,
+        case: &mut Case,
+        crowded: Option<&str>,
+        request: &Request,
+        control: &Control,
+        d: &mut Diagnosis,
+    ) -> String {
         let r = case.result;
         let failed = r.outcome == Outcome::Failed;
         let trouble = case.problem.trouble().map(|t| (without_value(&t, case.system, self.t0), t.age));
@@ -93,10 +108,9 @@ impl Ocp {
             return text.clone();
         }
         let mut parts: Vec<String> = limit(r.outcome, &request.options).into_iter().collect();
-        let crowded = self.crowded(r, case.problem);
         let infeasible = matches!(r.outcome, Outcome::Infeasible | Outcome::Stalled);
-        if let Some(text) = &crowded {
-            parts.push(text.clone());
+        if let Some(text) = crowded {
+            parts.push(text.into());
         } else if infeasible && request.explain {
             let (text, shown) = self.least_violation(r, case.problem, &request.options, control);
             parts.push(text);
@@ -239,8 +253,8 @@ impl Ocp {
         ("a point that meets all constraints exists: start from other controls".into(), Shown::Feasible)
     }
 
-    /// What the comparison with the simulation says, where it is worth a word.
-    fn remark(&self, r: &OcpResult) -> Option<String> {
+    /// What the comparison with the simulation says, where it is worth a word; elements that are too few are named before all else.
+    fn remark(&self, r: &OcpResult, crowded: Option<&str>) -> Option<String> {
         let a = r.accuracy.as_ref().filter(|_| r.outcome == Outcome::Solved)?;
         if !a.reached() {
             let stage = a.stages.iter().position(|s| s.is_nan()).unwrap_or(0);
@@ -263,15 +277,13 @@ impl Ocp {
                     .into(),
             );
         }
+        let help = crowded.unwrap_or_else(|| self.what_helps());
         let Some(d) = a.apart else {
-            return a.contradicts(self.cost_size(r.priced)).then(|| {
-                format!(
-                    "the simulation of the controls costs {} and not {}: nothing is certified; {}",
-                    short(a.cost),
-                    short(r.cost_reached),
-                    self.what_helps()
-                )
-            });
+            if !a.contradicts(self.cost_size(r.priced)) {
+                return crowded.map(str::to_owned);
+            }
+            let (simulated, own) = (short(a.cost), short(r.cost_reached));
+            return Some(format!("the simulation of the controls costs {simulated} and not {own}: nothing is certified; {help}"));
         };
         let (n, own) = (a.n_switches, r.trajectory.switches.len());
         let switches = if n == own { String::new() } else { format!(", which switches {n} times and not {own} times") };
@@ -282,7 +294,7 @@ impl Ocp {
             short(d.value),
             d.stage,
             short(d.size),
-            self.what_helps()
+            help
         ))
     }
 

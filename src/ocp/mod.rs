@@ -15,6 +15,7 @@
 mod accuracy;
 mod adapt;
 mod candidates;
+mod choices;
 mod clear;
 mod descent;
 mod diagnosis;
@@ -76,7 +77,7 @@ use crate::func::{Kinked, Maximum};
 use crate::linalg::kkt::LinearStats;
 use crate::memory::sizes;
 use crate::mpcc::{Certificate, Polish};
-use crate::nlp::{Outcome, Residuals, Statistics};
+use crate::nlp::{middle, Outcome, Residuals, Statistics};
 use crate::settings::Settings;
 use crate::system::{SharedFunction, System};
 
@@ -196,6 +197,7 @@ pub struct Ocp {
     /// Bounds of the parameters that are variables.
     p_bounds: Option<[Vec<f64>; 2]>,
     nominal: Nominal,
+    /// NaN until they are set.
     params: Vec<f64>,
     /// Parameters of every stage `[n_stages · np]`, where they differ.
     stage_params: Option<Vec<f64>>,
@@ -224,7 +226,7 @@ pub struct Ocp {
 
 impl Ocp {
     /// A problem over `[0, horizon]` with `n_stages` control intervals. Bounds are infinite, the initial value is
-    /// free, parameters are zero until they are set.
+    /// free, parameters have no values until they are set.
     pub fn new(system: &System, horizon: f64, n_stages: usize, settings: &Settings) -> Result<Ocp> {
         system.validate()?;
         system.check_transitions_are_followed()?;
@@ -264,7 +266,7 @@ impl Ocp {
             u_bounds: free(d.u),
             p_bounds: None,
             nominal: Nominal::default(),
-            params: vec![0.0; d.p],
+            params: vec![f64::NAN; d.p],
             stage_params: None,
             x_guess: None,
             u_guess: None,
@@ -577,6 +579,35 @@ impl Ocp {
         if self.stage_params.replace(p.to_vec()).is_none() {
             // switching functions of parameters jump at the ends of stages
             self.built = None;
+        }
+        Ok(())
+    }
+
+    /// Parameters that have no values and are no variables are an error.
+    pub(crate) fn check_params(&self) -> Result<()> {
+        let free = self.free_params();
+        let unset = |j: &usize| self.stage_params.is_none() && self.params[*j].is_nan() && !free[*j];
+        let missing: Vec<String> = (0..self.params.len()).filter(unset).map(|j| j.to_string()).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        Err(Error::State(format!(
+            "parameter {} has no value, counted from 0: give it by set_params (params= where the problem is made in Python), those of every \
+             stage by set_stage_params, or make it a variable by set_param_bounds",
+            missing.join(", ")
+        )))
+    }
+
+    /// As [`Ocp::check_params`]; variables without a value start in the middle of their bounds.
+    fn complete_params(&mut self) -> Result<()> {
+        self.check_params()?;
+        let Ocp { params, p_bounds, stage_params, .. } = self;
+        for (j, p) in params.iter_mut().enumerate().filter(|(_, p)| p.is_nan()) {
+            *p = match (&*stage_params, &*p_bounds) {
+                (Some(all), _) => all[j],
+                (None, Some([lower, upper])) => middle(lower[j], upper[j]),
+                (None, None) => *p,
+            };
         }
         Ok(())
     }

@@ -183,6 +183,7 @@ impl MultiPhase {
 
     fn solve_within(&mut self, control: &mut Control) -> Result<&MultiPhaseResult> {
         let clock = Instant::now();
+        self.phases.iter_mut().try_for_each(Ocp::complete_params)?;
         let request = Request { explain: false, ..Request::from_settings(&self.settings)? };
         for p in &mut self.phases {
             let before = p.builds;

@@ -16,7 +16,7 @@ use crate::dcs::{Dcs, Form};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::mpcc::Polish;
-use crate::nlp::{Control, Outcome, Statistics};
+use crate::nlp::{allowance, Control, Outcome, Statistics};
 use crate::settings::OcpStart;
 use crate::stop;
 
@@ -102,6 +102,9 @@ pub(super) fn part(
     control: &mut Control,
     body: impl FnOnce(&mut Candidates, &mut Control) -> Result<()>,
 ) -> Result<()> {
+    if allowance::is_over() && found.best.is_some() {
+        return Ok(());
+    }
     match control.sooner(SEARCH, |control| body(found, control)) {
         Err(Error::Interrupted | Error::OutOfTime) if found.best.is_some() => Ok(()),
         r => r,
@@ -160,7 +163,10 @@ impl Ocp {
         let clock = Instant::now();
         let mut race = Race::default();
         part(&mut found, control, |found, control| {
-            race = self.race(found, Ladders::All, request, control)?;
+            // where iterations are counted the other starts have as many
+            let most = allowance::left();
+            let most = if most == usize::MAX { most } else { most / 2 };
+            race = allowance::within(most, || self.race(found, Ladders::All, request, control))?;
             Ok(())
         })?;
         let given = self.x_guess.is_some() || self.u_guess.is_some();
@@ -184,7 +190,8 @@ impl Ocp {
         }
         // around what bends there are several ways, and all smoothed problems may have taken the same
         let enough = enough && (only_smooth || !self.bends());
-        if !enough && !asked && (found.best.is_none() || stop::requested().is_none()) {
+        let over = stop::requested().is_some() || allowance::is_over();
+        if !enough && !asked && (found.best.is_none() || !over) {
             // a second opinion may take as long as the first
             let most = (found.agreed && !given).then_some(found.spent.iterations.max(OPINION));
             let share = if found.best.is_some() { SEARCH } else { 1.0 };
@@ -197,9 +204,15 @@ impl Ocp {
         }
         if found.best.is_none() {
             let failed = self.last_result()?.clone();
+            if allowance::is_over() {
+                return self.closest_of(found, failed, clock);
+            }
             part(&mut found, control, |found, control| self.solve_from_simulations(found, &failed, request, control))?;
             if found.best.is_none() {
-                return self.spent_in_all(&found, clock);
+                return match allowance::is_over() {
+                    true => self.closest_of(found, failed, clock),
+                    false => self.spent_in_all(&found, clock),
+                };
             }
         }
         part(&mut found, control, |found, control| self.aim_missed(found, request, control))?;
@@ -216,6 +229,13 @@ impl Ocp {
         }
         part(&mut found, control, |found, control| self.settle(found, request, control))?;
         self.adopt(found, request, control, clock)
+    }
+
+    /// The point with the least violation of all solves of a search that is out of iterations.
+    fn closest_of(&mut self, mut found: Candidates, last: OcpResult, clock: Instant) -> Result<&OcpResult> {
+        let closer = found.closest.take().filter(|c| c.residuals.primal < last.residuals.primal);
+        self.result = Some(closer.map_or(last, |c| *c));
+        self.spent_in_all(&found, clock)
     }
 
     /// The homotopy from the guess, within iterations and a share of the time that is left; its answer becomes the best one where it
@@ -392,7 +412,7 @@ impl Ocp {
             let mut better = false;
             let beyond = before.replace(now.clone()).and_then(|before| now.beyond(&before));
             for s in beyond.into_iter().chain(now.neighbours(&groups, &across)) {
-                if stop::requested().is_some() {
+                if stop::requested().is_some() || allowance::is_over() {
                     return Ok(());
                 }
                 if left == 0 || (request.search == 0 && found.work > most) {

@@ -10,7 +10,7 @@ use super::request::Request;
 use super::solve::Start;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
-use crate::nlp::{Control, Outcome};
+use crate::nlp::{allowance, Control, Outcome};
 use crate::settings::{InitialGuess, OcpStart};
 use crate::stop;
 
@@ -38,7 +38,7 @@ impl Ocp {
         found.known = self.sizes()?;
         let mut inside = request.of_a_part();
         for (k, controls) in self.random_starts(OTHERS + 1, 0).iter().enumerate().skip(1) {
-            if stop::requested().is_some() {
+            if stop::requested().is_some() || allowance::is_over() {
                 break;
             }
             let mut one = Box::new(self.blank());

@@ -4,7 +4,7 @@ use super::accuracy::Accuracy;
 use super::extend::Extended;
 use super::optimality::{Kink, Optimality, OTHER};
 use super::request::Request;
-use super::solve::Start;
+use super::solve::{bounded, Start};
 use super::{Jumps, Ocp, OcpResult, OcpSensitivity, SLACK};
 use crate::error::{Error, Result};
 use crate::func::Point;
@@ -60,8 +60,9 @@ impl Ocp {
     /// Solves a problem with contacts.
     pub(super) fn solve_scene(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
         let request = Request::from_settings(&self.settings)?;
+        self.complete_params()?;
         let result = memory::bounded(self.settings.max_memory, || {
-            control.within(request.options.max_time, |control| self.run_scene(start, &request, control))
+            bounded(&request, control, |control| self.run_scene(start, &request, control))
         })?;
         Ok(self.result.insert(result))
     }

@@ -7,6 +7,7 @@ use super::diagnosis::Case;
 use super::extend::{Extended, Statement};
 use super::identify::Identifier;
 use super::neighbours::Grid;
+use super::optimality::Optimality;
 use super::request::{Comparison, Request};
 use super::{Durations, Ocp, OcpResult, SLACK};
 use crate::dcs::Dcs;
@@ -14,8 +15,8 @@ use crate::error::{Error, Result};
 use crate::fesd::{Fesd, Sizes, Spec, Trajectory};
 use crate::func::EvalError;
 use crate::memory;
-use crate::mpcc::{Distance, Mpcc, MpccSolver, Polish, Side, Solution, Warm};
-use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
+use crate::mpcc::{Distance, Mpcc, MpccSettings, MpccSolver, Polish, Side, Solution, Warm};
+use crate::nlp::{allowance, Bounds, Control, Nlp, Outcome, Statistics};
 use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
 use crate::stop::{self, Why};
@@ -85,6 +86,14 @@ impl Start {
     fn is_branch(self) -> bool {
         matches!(self, Start::Branch | Start::Lowest | Start::Near)
     }
+}
+
+/// Runs a call within the time and the iterations that are asked for. The limit of iterations that is set by default is one of every single
+/// solve: what a search takes in all is not known beforehand.
+pub(super) fn bounded<R>(request: &Request, control: &mut Control, body: impl FnOnce(&mut Control) -> R) -> R {
+    let most = request.options.solver.max_iter;
+    let most = if most == MpccSettings::default().max_iter { usize::MAX } else { most };
+    allowance::within(most, || control.within(request.options.max_time, body))
 }
 
 impl Ocp {
@@ -222,9 +231,10 @@ impl Ocp {
             return self.solve_scene(start, control);
         }
         let request = Request::from_settings(&self.settings)?;
+        self.complete_params()?;
         // what was built is gone where this unwinds, and is built again by the next solve
         memory::bounded(self.settings.max_memory, || {
-            control.within(request.options.max_time, |control| {
+            bounded(&request, control, |control| {
                 if self.has_transitions() {
                     return self.solve_transitions(start, &request, control).map(|_| ());
                 }
@@ -249,6 +259,7 @@ impl Ocp {
         let Some(mut built) = self.built.take() else {
             return Err(Error::Internal("the problem was not built".into()));
         };
+        built.solver.settings.max_iter = request.options.solver.max_iter.min(allowance::left());
         let result = self.run_built(&mut built, start, request, control);
         let broken = matches!(built.problem.trouble().map(|t| t.error), Some(EvalError::Fatal(_)));
         match &result {
@@ -436,7 +447,26 @@ impl Ocp {
         let mut case = Case { result: &result, problem, bounds, w, system: &extended.system };
         let found = self.diagnose(&mut case, request, control);
         result.take(found);
+        if request.comparison.is_some() {
+            self.name_choice(&mut result)?;
+        }
+        if result.outcome == Outcome::Solved && allowance::is_over() {
+            let most = request.options.solver.max_iter;
+            result.add_remark(&format!(
+                "all max_iter = {most} iterations are spent: the search for better answers was cut short"
+            ));
+        }
         Ok(result)
+    }
+
+    /// Says where controls are choices; an answer that has not chosen has no verdict.
+    fn name_choice(&self, r: &mut OcpResult) -> Result<()> {
+        let Some(choice) = self.choice(r)? else { return Ok(()) };
+        r.add_remark(&choice.text);
+        if let Some(doubt) = choice.doubt {
+            r.optimality = r.optimality.take().map(|_| Optimality::unknown(doubt));
+        }
+        Ok(())
     }
 
     /// Writes the data of this solve into what was built; returns the parameters of every stage.

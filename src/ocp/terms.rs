@@ -248,24 +248,24 @@ pub(super) struct Linear {
 
 impl Linear {
     fn saved(&self) -> Result<SavedGraph> {
-    let d = self.dims;
-    let mut dag = Dag::new();
-    let mut inputs = dag.inputs(Block::X, d.x);
-    inputs.extend(dag.inputs(Block::U, d.u));
-    inputs.extend(dag.inputs(Block::P, d.p));
-    inputs.extend(dag.inputs(Block::T, 1));
-    let mut roots = Vec::with_capacity(self.rows.len());
-    for row in &self.rows {
-        let mut sum = dag.constant(0.0);
-        for &(column, factor) in row {
-            let factor = dag.constant(factor);
-            let term = dag.mul(factor, inputs[column]);
-            sum = dag.add(sum, term);
+        let d = self.dims;
+        let mut dag = Dag::new();
+        let mut inputs = dag.inputs(Block::X, d.x);
+        inputs.extend(dag.inputs(Block::U, d.u));
+        inputs.extend(dag.inputs(Block::P, d.p));
+        inputs.extend(dag.inputs(Block::T, 1));
+        let mut roots = Vec::with_capacity(self.rows.len());
+        for row in &self.rows {
+            let mut sum = dag.constant(0.0);
+            for &(column, factor) in row {
+                let factor = dag.constant(factor);
+                let term = dag.mul(factor, inputs[column]);
+                sum = dag.add(sum, term);
+            }
+            roots.push(sum);
         }
-        roots.push(sum);
+        SavedGraph::new(&dag, &roots)
     }
-    SavedGraph::new(&dag, &roots)
-}
 }
 
 impl Function for Linear {

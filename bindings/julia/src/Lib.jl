@@ -5255,8 +5255,9 @@ swb_nmpc_free(c) = ccall(address(233), Cvoid, (Ptr{swb_nmpc},), c)
 """
     swb_ocp_create(system, horizon, n_stages, settings, out) -> swb_status
 
-Create an optimal control problem. Bounds are infinite, the initial state is free, initial time and
-parameters are zero, and there is no cost, until they are set.
+Create an optimal control problem. Bounds are infinite, the initial state is free, the initial time is zero,
+parameters have no values, and there is no cost, until they are set. A problem whose parameters have no values is not solved:
+SWB_ERR_STATE.
 
 @param[in]  system   copied; may be freed afterwards
 @param[in]  horizon  duration

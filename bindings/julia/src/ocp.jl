@@ -5,8 +5,8 @@
         initial_time, on_iteration, on_log, options...)
 
 Optimal control problem of a `System` or `Model`: piecewise constant controls on an equidistant grid of stages. Bounds, a
-tuple (lower, upper), are infinite, the initial state is free, initial time and parameters are zero, and there is no cost,
-until they are set. Functions are those of `ModelFunction`, or expressions of the model.
+tuple (lower, upper), are infinite, the initial state is free, the initial time is zero, parameters have no values, without which a problem that has any is not
+solved, and there is no cost, until they are set. Functions are those of `ModelFunction`, or expressions of the model.
 
 Terms: `set_lagrange!`, `set_mayer!`, `add_path!`, `add_terminal!`, `add_boundary!`, `add_periodic!`, `add_least_squares!`,
 `add_relaxed!`, `add_complementarity!`. Freedoms: `set_free_time!`, `add_horizon!`, `set_linear_controls!`,

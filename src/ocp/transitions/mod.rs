@@ -28,7 +28,7 @@ use super::solve::Start;
 use super::{CostOf, Durations, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
-use crate::nlp::{Control, Outcome, SecondOrder, Statistics};
+use crate::nlp::{allowance, Control, Outcome, SecondOrder, Statistics};
 use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
 use crate::stop;
@@ -388,7 +388,8 @@ impl<'a> Search<'a> {
     /// Solves the program of a sequence unless that was done. True if it is better than all others.
     fn attempt(&mut self, s: Sequence, guess: &Guess, control: &mut Control) -> Result<bool> {
         let Some(s) = self.automaton.complete(&s) else { return Ok(false) };
-        if self.left == 0 || !self.tried.insert(s.clone()) {
+        let over = allowance::is_over() && !self.found.is_empty();
+        if self.left == 0 || over || !self.tried.insert(s.clone()) {
             return Ok(false);
         }
         self.left -= 1;

@@ -239,8 +239,8 @@ class OcpMultipliers:
 class Ocp(Hints, OcpTerms, OcpSearch):
     """Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
 
-    Bounds are infinite, the initial state is free, initial time and parameters are zero, and there is no cost,
-    until they are set, by keyword or by the methods. Options by `settings` or by keyword. Costs and constraints are functions, or,
+    Bounds are infinite, the initial state is free, the initial time is zero, parameters have no values, without which a problem that
+    has any is not solved, and there is no cost, until they are set, by keyword or by the methods. Options by `settings` or by keyword. Costs and constraints are functions, or,
     for the system of a `Model`, its expressions: `lagrange=m.F**2`.
 
     A `Scene` stands where a system does: its contacts close, slide, stick and bounce in physical time, and the answer says

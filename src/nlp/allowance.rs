@@ -1,0 +1,81 @@
+//! Iterations that a call may spend in all its solves together.
+//!
+//! A search solves many programs, each with a limit of its own. What bounds the call is set around the search ([`within`]), and every iteration of
+//! every interior-point solve on its thread counts ([`spend`]), those of certificates excepted ([`apart`]), which no statistics count either. A solve
+//! that begins with nothing left ends at its starting point.
+
+use std::cell::Cell;
+
+thread_local! {
+    static LEFT: Cell<usize> = const { Cell::new(usize::MAX) };
+}
+
+/// Puts a number of iterations back when it is dropped, also after a panic.
+struct Restore(usize);
+
+impl Drop for Restore {
+    fn drop(&mut self) {
+        LEFT.set(self.0);
+    }
+}
+
+/// Iterations that are left to the call that runs on this thread; `usize::MAX` without a limit.
+pub(crate) fn left() -> usize {
+    LEFT.get()
+}
+
+/// Are all iterations spent?
+pub(crate) fn is_over() -> bool {
+    left() == 0
+}
+
+/// Counts an iteration.
+pub(super) fn spend() {
+    match LEFT.get() {
+        usize::MAX => {}
+        n => LEFT.set(n.saturating_sub(1)),
+    }
+}
+
+/// Runs `body` with at most so many iterations, and no more than are left.
+pub(crate) fn within<R>(most: usize, body: impl FnOnce() -> R) -> R {
+    let outside = left();
+    let inside = most.min(outside);
+    let mut restore = Restore(outside);
+    LEFT.set(inside);
+    let r = body();
+    if outside != usize::MAX {
+        restore.0 = outside - (inside - left());
+    }
+    r
+}
+
+/// Runs `body` without counting.
+pub(crate) fn apart<R>(body: impl FnOnce() -> R) -> R {
+    let _restore = Restore(LEFT.replace(usize::MAX));
+    body()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn iterations_count_in_all_scopes_around_them() {
+        assert!(!is_over());
+        within(5, || {
+            spend();
+            within(2, || {
+                spend();
+                apart(|| (0..9).for_each(|_| spend()));
+                assert_eq!(left(), 1);
+                spend();
+                assert!(is_over());
+                spend();
+            });
+            assert_eq!(left(), 2);
+            within(9, || assert_eq!(left(), 2));
+        });
+        assert_eq!(left(), usize::MAX);
+    }
+}
