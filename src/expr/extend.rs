@@ -25,6 +25,9 @@ const MOST_FACTS: usize = 16;
 /// Ways in which a condition may hold that are looked at.
 const MOST_WAYS: usize = 16;
 
+/// Coefficients of the modulus as a piecewise polynomial.
+const MODULUS: [f64; 4] = [0.0, -1.0, 0.0, 1.0];
+
 /// Signs of switching functions: is it positive?
 type Facts = Vec<(u32, bool)>;
 
@@ -195,6 +198,13 @@ impl Dag {
         ratio.is_positive() && self.linear_form(b) == psi.times(&-ratio)
     }
 
+    /// Is it a modulus as a table, which continues a branch beyond where it is taken?
+    pub(crate) fn is_continuation(&self, id: Id) -> bool {
+        let Node::Piecewise(index, 0, _) = self.node(id) else { return false };
+        let p = &self.piecewise[index as usize];
+        p.breaks() == [0.0] && p.coefficients() == MODULUS
+    }
+
     /// The argument `new` of a function, made by deciding switches of one that is at least `least`: the same where it is that much, and
     /// positive elsewhere.
     pub(super) fn continued(&mut self, new: Id, least: f64) -> Id {
@@ -202,7 +212,7 @@ impl Dag {
             return new;
         }
         if least == 0.0 {
-            return match Piecewise::new(&[0.0], 1, &[0.0, -1.0, 0.0, 1.0], 0) {
+            return match Piecewise::new(&[0.0], 1, &MODULUS, 0) {
                 Ok(modulus) => self.piecewise(&modulus, new),
                 Err(_) => new,
             };

@@ -765,7 +765,8 @@ impl Builder<'_> {
     fn lint_tables(&mut self, f0: &[Id], subsystems: &[Cells], still: &[bool]) {
         let mut roots = f0.to_vec();
         roots.extend(subsystems.iter().flat_map(|c| c.modes.iter().flat_map(|m| m.1.iter().copied())));
-        let rough: Vec<Id> = self.dag.reachable(&roots).into_iter().filter(|&i| self.dag.smoothness(i) < 1).collect();
+        let is_rough = |i: &Id| self.dag.smoothness(*i) < 1 && !self.dag.is_continuation(*i);
+        let rough: Vec<Id> = self.dag.reachable(&roots).into_iter().filter(is_rough).collect();
         for id in rough {
             let moves = |i: Id| matches!(self.dag.node(i), Node::Input(Block::X, k) if !still[k as usize]);
             if self.dag.reachable(&[id]).into_iter().any(moves) {

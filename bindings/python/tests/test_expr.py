@@ -262,7 +262,7 @@ def test_nothing_leaks(live):
         (lambda m: sign(m.p[0]), "cannot be crossed"),
         (lambda m: sign(m.x[0] - m.u[0]), "depends on a control"),
         (lambda m: expr.log(m.x[0] - 1), "not defined at the trial point"),
-        (lambda m: where(m.x[0] > 5, expr.sqrt(m.x[0] - 5), 0), "some mode of y is not defined"),
+        (lambda m: where(m.x[0] > 5, expr.sqrt(m.x[0] - 7), 0), "some mode of y is not defined"),
         (lambda m: -m.x[0] * sign(m.x[1]), "singular"),
         (lambda m: table(m.x[0], [0.0], [1.0, 2.0], "steps"), "not found as switches"),
     ],
