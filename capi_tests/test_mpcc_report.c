@@ -143,12 +143,15 @@ static void one_hessian(void)
     CHECK(strstr(swb_last_error(), "variables") != NULL);
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_set_hessian(mpcc, HESSIAN_COLUMNS, -4, HESSIAN_ROWS, 4, hessian, &m));
     CHECK(swb_mpcc_set_hessian(mpcc, HESSIAN_COLUMNS, 4, HESSIAN_ROWS, 3, hessian, &m) != SWB_OK);
+    swb_error_handled();
     CHECK(swb_mpcc_set_hessian(mpcc, falling, 4, HESSIAN_ROWS, 2, hessian, &m) != SWB_OK);
+    swb_error_handled();
     {
         int64_t first[] = {0, 2, 2, 2};
         CHECK_STATUS(SWB_ERR_RANGE, swb_mpcc_set_hessian(mpcc, first, 4, below, 2, hessian, &m));
         CHECK(strstr(swb_last_error(), "below the diagonal") != NULL);
         CHECK(swb_mpcc_set_hessian(mpcc, first, 4, outside, 2, hessian, &m) != SWB_OK);
+        swb_error_handled();
     }
     CHECK_STATUS(SWB_ERR_NULL, swb_mpcc_set_hessian(NULL, HESSIAN_COLUMNS, 4, HESSIAN_ROWS, 4, hessian, &m));
     CHECK(solve(mpcc) == SWB_OUTCOME_SOLVED);
