@@ -559,8 +559,16 @@ impl Ocp {
 
     /// Nothing is certified beside a simulation that contradicts it: the derivatives are those of another motion then.
     pub(super) fn withhold_verdict(&self, r: &mut OcpResult) {
-        let contradicted = r.accuracy.as_ref().is_some_and(|a| a.contradicts(self.cost_size(r.priced)));
-        if let Some(o) = r.optimality.as_mut().filter(|o| contradicted && o.verdict != Verdict::Unknown) {
+        let Some(a) = r.accuracy.as_ref().filter(|a| a.contradicts(self.cost_size(r.priced))) else { return };
+        let other = !a.reached() || a.large().is_some();
+        let Some(o) = r.optimality.as_mut() else { return };
+        let withdrawn = match o.verdict {
+            Verdict::Unknown => false,
+            Verdict::LocalOptimum | Verdict::Kink => true,
+            // that a descent on simulations leads to less is true whatever the answer says
+            Verdict::NotOptimal => other && o.reason.is_empty(),
+        };
+        if withdrawn {
             o.withdraw(CONTRADICTED);
         }
     }
