@@ -127,10 +127,6 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
                 let why = "steps through accumulating switches have no derivatives";
                 return Err(Error::State(format!("t = {t}: {why}")));
             }
-            Entry::Apart { t } => {
-                let why = "several events happen at one time, and which is the first decides where the motion goes on";
-                return Err(Error::State(format!("t = {t}: {why}: there are no derivatives")));
-            }
             Entry::Stop { t } => {
                 terms.add_states(t, &mut s.v);
                 Ok(())

@@ -35,8 +35,6 @@ pub(super) enum Entry {
     Jump { at: usize, first: usize, log: usize, n: usize },
     /// A passage that has no derivatives.
     Gap { t: f64 },
-    /// What happens at one time has another end in every order: the state has no derivatives behind it.
-    Apart { t: f64 },
     /// The run was asked for its state here, behind all that happens at this time.
     Stop { t: f64 },
     /// A sliding mode begins at this time and state.
@@ -145,10 +143,6 @@ impl Tape {
         let (at, set) = (self.data.len(), self.set(field));
         self.data.extend_from_slice(x);
         self.entries.push(Entry::Project { at, set, t });
-    }
-
-    pub(super) fn apart(&mut self, t: f64) {
-        self.entries.push(Entry::Apart { t });
     }
 
     /// The run stops; at the end of a step the step says so.

@@ -283,7 +283,9 @@ impl Ocp {
                 return crowded.map(str::to_owned);
             }
             let (simulated, own) = (short(a.cost), short(r.cost_reached));
-            return Some(format!("the simulation of the controls costs {simulated} and not {own}: nothing is certified; {help}"));
+            return Some(format!(
+                "the simulation of the controls costs {simulated} and not {own}: nothing is certified; {help}"
+            ));
         };
         let (n, own) = (a.n_switches, r.trajectory.switches.len());
         let switches = if n == own { String::new() } else { format!(", which switches {n} times and not {own} times") };
