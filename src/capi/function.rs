@@ -161,6 +161,36 @@ impl Caller {
     }
 }
 
+/// What is known of a Jacobian.
+enum Jacobian {
+    /// Nothing.
+    Unknown,
+    /// The inputs it is dense in, a sum of [`swb_input`]. Its entries are listed when it is needed: a pattern given later takes its place.
+    DenseIn(i32),
+    /// Its pattern, and its values where they are no differences.
+    Given(Pattern, swb_jacobian_fn),
+}
+
+/// The pattern of `n_out` rows that is dense in `inputs`, a sum of [`swb_input`].
+fn dense_in(name: &str, inputs: i32, dims: Dims, n_out: usize) -> Result<Pattern> {
+    let blocks = [(swb_input::X, dims.x), (swb_input::U, dims.u), (swb_input::P, dims.p), (swb_input::T, 1)];
+    let blocks = blocks.map(|(block, n)| (inputs & block as i32 != 0, n));
+    let columns = blocks.iter().filter(|(takes_part, _)| *takes_part).map(|(_, n)| n).sum();
+    let what = format!("the Jacobian of '{name}', whose pattern is not given, is dense in its inputs, give the pattern");
+    let nnz = sizes::entries(&what, &[n_out, columns])?;
+    let (mut col_ptr, mut row_idx) = (memory::with_capacity(dims.n_in() + 1), memory::with_capacity(nnz));
+    col_ptr.push(0);
+    for (takes_part, n) in blocks {
+        for _ in 0..n {
+            if takes_part {
+                row_idx.extend(0..n_out);
+            }
+            col_ptr.push(row_idx.len());
+        }
+    }
+    Pattern::new(n_out, dims.n_in(), col_ptr, row_idx)
+}
+
 /// A function as the user describes it; made into a [`Callback`] when it is first needed.
 pub struct UserFunction {
     name: Arc<str>,
@@ -169,7 +199,7 @@ pub struct UserFunction {
     /// `None` for a function of the library, which is in `callback` from the start.
     value: swb_value_fn,
     data: Arc<UserData>,
-    jacobian: Option<(Pattern, swb_jacobian_fn)>,
+    jacobian: Jacobian,
     hessian: Option<(Pattern, swb_hessian_fn)>,
     linear: bool,
     serial: bool,
@@ -187,7 +217,7 @@ impl UserFunction {
             n_out: f.n_out(),
             value: None,
             data: UserData::borrowed(ptr::null_mut()),
-            jacobian: None,
+            jacobian: Jacobian::Unknown,
             hessian: None,
             linear: false,
             serial: false,
@@ -198,7 +228,11 @@ impl UserFunction {
 
     fn build(&self) -> Result<Callback> {
         let value = self.value.ok_or_else(|| Error::Internal("a function without callback".into()))?;
-        let timeless = self.jacobian.as_ref().is_none_or(|j| j.0.rows(self.dims.t_col()).is_empty());
+        let timeless = match &self.jacobian {
+            Jacobian::Unknown => true,
+            Jacobian::DenseIn(inputs) => inputs & swb_input::T as i32 == 0,
+            Jacobian::Given(pattern, _) => pattern.rows(self.dims.t_col()).is_empty(),
+        };
         let caller = Caller { name: self.name.clone(), data: self.data.clone(), timeless };
         let c = caller.clone();
         // SAFETY: here and below, the functions obey the contracts of their types, the pointers live as long
@@ -206,17 +240,19 @@ impl UserFunction {
         let mut f = Callback::new(&self.name, self.dims, self.n_out, move |at, out| {
             c.call("value", at, out, |p, o, d| unsafe { value(p, o, d) })
         });
-        if let Some((pattern, jacobian)) = &self.jacobian {
-            f = match *jacobian {
-                None => f.with_jacobian_pattern(pattern.clone())?,
-                Some(jacobian) => {
-                    let c = caller.clone();
-                    f.with_jacobian(pattern.clone(), move |at, out| {
-                        c.call("Jacobian", at, out, |p, o, d| unsafe { jacobian(p, o, d) })
-                    })?
-                }
-            };
-        }
+        f = match &self.jacobian {
+            Jacobian::Unknown => f,
+            Jacobian::DenseIn(inputs) => {
+                f.with_jacobian_pattern(dense_in(&self.name, *inputs, self.dims, self.n_out)?)?
+            }
+            Jacobian::Given(pattern, None) => f.with_jacobian_pattern(pattern.clone())?,
+            &Jacobian::Given(ref pattern, Some(jacobian)) => {
+                let c = caller.clone();
+                f.with_jacobian(pattern.clone(), move |at, out| {
+                    c.call("Jacobian", at, out, |p, o, d| unsafe { jacobian(p, o, d) })
+                })?
+            }
+        };
         if let Some((pattern, hessian)) = &self.hessian {
             f = match *hessian {
                 None => f.with_hessian_pattern(pattern.clone())?,
@@ -406,7 +442,7 @@ pub unsafe extern "C" fn swb_function_create(
                 n_out,
                 value: Some(value),
                 data: Arc::new(UserData { pointer: user_data, destroy, ours: AtomicBool::new(false) }),
-                jacobian: None,
+                jacobian: Jacobian::Unknown,
                 hessian: None,
                 linear: false,
                 serial: false,
@@ -444,7 +480,8 @@ pub unsafe extern "C" fn swb_function_set_jacobian(
             let f = f.open()?;
             let what = format!("Jacobian of '{}'", f.name);
             let shape = (f.n_out, f.dims.n_in());
-            f.jacobian = Some((pattern(&what, COLUMNS, shape, (col_ptr, n_col_ptr), (row_idx, nnz))?, jacobian));
+            let pattern = pattern(&what, COLUMNS, shape, (col_ptr, n_col_ptr), (row_idx, nnz))?;
+            f.jacobian = Jacobian::Given(pattern, jacobian);
             Ok(())
         })
     })
@@ -510,19 +547,7 @@ pub unsafe extern "C" fn swb_function_set_inputs(f: *mut swb_function, inputs: i
             if !(0..16).contains(&inputs) {
                 return Err(Error::Range(format!("inputs is {inputs}: it must be a sum of enum swb_input")));
             }
-            let blocks =
-                [(swb_input::X, f.dims.x), (swb_input::U, f.dims.u), (swb_input::P, f.dims.p), (swb_input::T, 1)];
-            let mut col_ptr = vec![0];
-            let mut row_idx = Vec::new();
-            for (block, n) in blocks {
-                for _ in 0..n {
-                    if inputs & block as i32 != 0 {
-                        row_idx.extend(0..f.n_out);
-                    }
-                    col_ptr.push(row_idx.len());
-                }
-            }
-            f.jacobian = Some((Pattern::new(f.n_out, f.dims.n_in(), col_ptr, row_idx)?, None));
+            f.jacobian = Jacobian::DenseIn(inputs);
             Ok(())
         })
     })

@@ -92,7 +92,8 @@ pub(super) fn setup_lock() -> MutexGuard<'static, ()> {
 
 /// Rows and columns beyond this are refused.
 const LIMIT: i64 = i32::MAX as i64;
-/// Entries of a matrix, and numbers of memory, beyond this are refused: they are a mistake, and half a gigabyte.
+/// Entries of a matrix that the pattern lists, columns, and numbers of memory beyond this are refused: they are a mistake, and half a
+/// gigabyte. The shape of a sparse matrix says nothing of its size.
 const MAX_ENTRIES: i64 = 1 << 26;
 /// No number a computation arrives at: a NaN with a payload.
 const UNTOUCHED: u64 = 0x7ff4_5b1c_7ff4_5b1c;
@@ -459,7 +460,9 @@ unsafe fn pattern(call: &Call, array: *const u8) -> std::result::Result<Pattern,
     }
     let at = |k: usize| unsafe { call.integer(array, k) };
     let (m, n) = (at(0), at(1));
-    if !(0..=LIMIT).contains(&m) || !(0..=LIMIT).contains(&n) || m.saturating_mul(n) > MAX_ENTRIES {
+    let dense = at(2) == 1;
+    let size = if dense { m.saturating_mul(n) } else { n };
+    if !(0..=LIMIT).contains(&m) || !(0..=LIMIT).contains(&n) || size > MAX_ENTRIES {
         return Err(format!("its shape is {m} x {n}"));
     }
     let (m, n) = (m as usize, n as usize);
@@ -474,6 +477,9 @@ unsafe fn pattern(call: &Call, array: *const u8) -> std::result::Result<Pattern,
         let (last, next) = (col_ptr[j] as i64, at(3 + j));
         if next < last || next > last + m as i64 {
             return Err(format!("column {j} ends at {next} and starts at {last}"));
+        }
+        if next > MAX_ENTRIES {
+            return Err(format!("it has more than {MAX_ENTRIES} entries"));
         }
         col_ptr.push(next as usize);
     }
