@@ -166,7 +166,13 @@ impl MpccSolver {
         if !self.has_others() {
             return all;
         }
-        (PATH_SHARE * all as f64).ceil() as usize
+        all.min((PATH_SHARE * self.shared_iterations() as f64).ceil() as usize)
+    }
+
+    /// Iterations that the strategies share: not fewer than usual. Fewer that are allowed cut the same solve earlier, so that a program
+    /// is solved by every limit from the iterations on that it takes.
+    fn shared_iterations(&self) -> usize {
+        self.settings.max_iter.max(MpccSettings::default().max_iter)
     }
 
     /// Tries the other strategies where the path has no solution. What was found before stays where they have none.
@@ -197,8 +203,9 @@ impl MpccSolver {
             }
             let allowed = self.settings.max_iter;
             let used = self.solution.stats.iterations;
-            let kept = (KEPT_SHARE * allowed as f64) as usize;
-            let limit = used + allowed.saturating_sub(used + kept) / 2;
+            let shared = self.shared_iterations();
+            let kept = (KEPT_SHARE * shared as f64) as usize;
+            let limit = allowed.min(used + shared.saturating_sub(used + kept) / 2);
             self.attempt(strategy, limit, |s| {
                 if strategy == FoundBy::Elastic {
                     return s.try_elastic(p, bounds, x0, control, proposer);

@@ -317,7 +317,11 @@ impl MpccSolver {
         };
         if !ok {
             let cost = self.solution.stats;
+            // the limit is that of the call
+            let allowed = self.settings.max_iter;
+            self.settings.max_iter = self.iterations_left();
             self.solve_with(p, bounds, warm.x, control, proposer);
+            self.settings.max_iter = allowed;
             self.solution.stats.add(&cost);
         }
         self.st.scaling.as_given = as_given;
