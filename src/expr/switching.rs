@@ -119,24 +119,30 @@ impl Dag {
         (form.constant, form.terms)
     }
 
-    /// The condition `ψ > 0`. Of a `ψ` that is an increasing odd function of something, as `h³` or `atan h`, that
-    /// something is taken, which has a gradient where `ψ` has none.
+    /// Something of the same sign. Of a `ψ` that is an increasing odd function of something, as `h³` or `atan h`, that something is taken,
+    /// which has a gradient where `ψ` has none.
+    pub fn of_same_sign(&mut self, psi: Id) -> Id {
+        let mut psi = psi;
+        loop {
+            let form = self.linear_form(psi);
+            let (&[(term, ref c)], true) = (&form.terms[..], form.constant.is_zero()) else { return psi };
+            let inner = match self.node(term) {
+                Node::PowI(h, n) if n % 2 != 0 => h,
+                Node::Unary(Unary::Sinh | Unary::Tanh | Unary::Atan | Unary::Asin | Unary::Erf | Unary::Sqrt, h) => h,
+                _ => return psi,
+            };
+            psi = if c.is_positive() { inner } else { self.neg(inner) };
+        }
+    }
+
+    /// The condition `ψ > 0`, with [`Dag::of_same_sign`] in the place of `ψ`.
     ///
     /// Two switching functions are one if all ratios of their coefficients agree to the last of the 53 binary digits a
     /// number has: their zeros are then closer than the rounding of one evaluation. Where the ratios are not equal
     /// exactly, [`Dag::nearly_equal`] says so.
     pub fn positive(&mut self, psi: Id) -> Id {
-        let mut psi = psi;
-        let mut form = self.linear_form(psi);
-        while let (&[(term, ref c)], true) = (&form.terms[..], form.constant.is_zero()) {
-            let inner = match self.node(term) {
-                Node::PowI(h, n) if n % 2 != 0 => h,
-                Node::Unary(Unary::Sinh | Unary::Tanh | Unary::Atan | Unary::Asin | Unary::Erf | Unary::Sqrt, h) => h,
-                _ => break,
-            };
-            psi = if c.is_positive() { inner } else { self.neg(inner) };
-            form = self.linear_form(psi);
-        }
+        let psi = self.of_same_sign(psi);
+        let form = self.linear_form(psi);
         let Some(unit) = form.normalised() else {
             return self.truth(form.constant.is_positive());
         };

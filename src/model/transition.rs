@@ -174,7 +174,8 @@ impl Built {
         let function = |dag: &mut Dag, name: &str, outputs: &[Id]| -> Result<Arc<ExprFunction>> {
             Ok(Arc::new(ExprFunction::new(name, dag, self.dims, outputs)?))
         };
-        let guard = function(dag, &format!("guard{k}"), &[t.guard])?;
+        let watched = dag.of_same_sign(t.guard);
+        let guard = function(dag, &format!("guard{k}"), &[watched])?;
         let mut reset = None;
         if !t.reset.is_empty() {
             let mut all = dag.inputs(Block::X, nx);
