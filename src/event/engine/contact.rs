@@ -224,7 +224,7 @@ impl Engine {
         let ways = x.iter().zip(&s.x0).zip(s.f0.iter().zip(&s.f1));
         let way = ways.map(|((x, x0), (a, b))| (x - x0).abs().max(s.h * a.abs()).max(s.h * b.abs()));
         let reach = row.iter().zip(way).map(|(g, w)| g.abs() * w).sum::<f64>() + row[n_z - 1].abs() * s.h;
-        if !(gap > 0.0 && reach <= LITTLE * gap) {
+        if !(gap > 0.0 && reach <= LITTLE * gap && self.gradient_falls(contact, LITTLE)) {
             return Ok(());
         }
         if reach > LEAST * gap && !self.halves(contact, t, x) {
@@ -237,6 +237,17 @@ impl Engine {
         );
         self.fail(Outcome::NoContinuation, text);
         Err(Error::Range(self.reason.clone()))
+    }
+
+    /// Is each entry of the gradient of a gap, as it is in `scene.row`, at most this share of what it was at the start of the step? A motion
+    /// along a surface changes its gap by nothing, too, but there the gradient is as long as before.
+    fn gradient_falls(&mut self, contact: usize, share: f64) -> bool {
+        let mut before = vec![0.0; self.field.n_z];
+        let r = self.field.with_contacts(self.step.t, &self.step.x0, |c, at, _| {
+            c.dynamics.gap_gradient(at, contact, &mut before)
+        });
+        let falls = |(now, before): (&f64, &f64)| now.abs() <= share * before.abs();
+        matches!(r, Some(Ok(()))) && self.scene.row.iter().zip(&before).all(falls)
     }
 
     /// Does the way to the zero of a gap, along the velocity, halve in every step of Newton's method? Then the zero is a double
