@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::func::trouble::{self, Complaint};
 use crate::func::{check_derivatives, Callback, CheckSettings, Dims, EvalError, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
-use crate::memory::sizes::size;
+use crate::memory::{self, sizes, sizes::size};
 use crate::system::SharedFunction;
 use std::ffi::{c_char, c_void};
 use std::ptr;
