@@ -394,6 +394,12 @@ fn evaluate(dag: &Dag, roots: &[Id], d: Dims, at: &[f64], i: usize, j: usize) ->
             Node::Unary(op, a) => v[a.index()].unary(op),
             Node::Binary(op, a, b) => v[a.index()].binary(op, v[b.index()]),
             Node::PowI(a, n) => v[a.index()].powi(n),
+            // Arguments of roots that are continued beyond the region of their piece, on their own side: a modulus is its argument
+            // there, and what goes on smoothly adds nothing.
+            Node::Piecewise(_, 0, a) => match dag.smoothness(dag.id(k).unwrap()) {
+                0 => v[a.index()],
+                _ => Taylor::constant(Dd::ZERO),
+            },
             other => panic!("{other:?} has no reference"),
         };
         v.push(t);

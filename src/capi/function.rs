@@ -176,7 +176,8 @@ fn dense_in(name: &str, inputs: i32, dims: Dims, n_out: usize) -> Result<Pattern
     let blocks = [(swb_input::X, dims.x), (swb_input::U, dims.u), (swb_input::P, dims.p), (swb_input::T, 1)];
     let blocks = blocks.map(|(block, n)| (inputs & block as i32 != 0, n));
     let columns = blocks.iter().filter(|(takes_part, _)| *takes_part).map(|(_, n)| n).sum();
-    let what = format!("the Jacobian of '{name}', whose pattern is not given, is dense in its inputs, give the pattern");
+    let what =
+        format!("the Jacobian of '{name}', whose pattern is not given, is dense in its inputs, give the pattern");
     let nnz = sizes::entries(&what, &[n_out, columns])?;
     let (mut col_ptr, mut row_idx) = (memory::with_capacity(dims.n_in() + 1), memory::with_capacity(nnz));
     col_ptr.push(0);

@@ -243,9 +243,9 @@ impl Engine {
     /// along a surface changes its gap by nothing, too, but there the gradient is as long as before.
     fn gradient_falls(&mut self, contact: usize, share: f64) -> bool {
         let mut before = vec![0.0; self.field.n_z];
-        let r = self.field.with_contacts(self.step.t, &self.step.x0, |c, at, _| {
-            c.dynamics.gap_gradient(at, contact, &mut before)
-        });
+        let r = self
+            .field
+            .with_contacts(self.step.t, &self.step.x0, |c, at, _| c.dynamics.gap_gradient(at, contact, &mut before));
         let falls = |(now, before): (&f64, &f64)| now.abs() <= share * before.abs();
         matches!(r, Some(Ok(()))) && self.scene.row.iter().zip(&before).all(falls)
     }

@@ -68,6 +68,8 @@ impl Engine {
         /// Switches from which on the last two intervals may say that they become shorter, and by which factor at least.
         const FEW: usize = 3;
         const FAST: f64 = 0.25;
+        /// Intervals of one source that say so: on the way around a point where two surfaces meet each is crossed as often.
+        const WINDOW: usize = MEMORY / 2;
         /// A time in units of its rounding.
         const LATE: f64 = 1e3;
         if self.recent.n < FEW {
@@ -83,18 +85,17 @@ impl Engine {
         let endless = self.shrinking.endless() && self.recent.n % MEMORY == 0;
         // times between them that are hardly more than rounding say nothing soon
         let late = gap <= LATE * EPS * self.t.abs();
-        let many = history.gaps().zip(self.since());
         // an unstable set is left by ever longer ways
-        let shrinks = many.filter(|(gaps, from)| {
-            let later: f64 = gaps[MEMORY / 2..].iter().sum();
-            later < 0.5 * (self.t - from) && (history.is_nth(4) || late)
+        let many = history.back(WINDOW).zip(history.back(WINDOW / 2));
+        let shrinks = many.is_some_and(|(from, middle)| {
+            self.t - middle < 0.5 * (self.t - from) && (history.is_nth(WINDOW / 2) || late)
         });
         let falls = gap < FAST * before && self.recent.are_crossings_of_one(FEW);
-        if !(shrinks.is_some() || falls || endless) {
+        if !(shrinks || falls || endless) {
             return Ok(None);
         }
         let close = || (0..self.nx).all(|i| self.f[i].abs() * gap <= 10.0 * self.tolerance_of(i));
-        let from = many.map_or(self.t - gap - before, |(_, from)| from);
+        let from = many.map_or(self.t - gap - before, |(from, _)| from);
         if !(endless || close()) || self.jumped_since(from) {
             return Ok(None);
         }
