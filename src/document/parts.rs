@@ -6,10 +6,11 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::expr::{Dag, ExprFunction, SavedGraph, Signature};
+use crate::expr::{Block, Dag, ExprFunction, SavedGraph, Signature};
 use crate::func::{Dims, Function};
 use crate::memory::sizes::check as sizes;
 use crate::model::{SavedDirection, SavedValue};
+use crate::ocp::Linear;
 use crate::settings::{Settings, Value, OPTIONS};
 use crate::system::{Inclusion, Regions, SetValued, SharedFunction, Subsystem, System, Transition};
 
@@ -82,12 +83,38 @@ fn is_zero(n: &usize) -> bool {
     *n == 0
 }
 
+/// Linear combinations as expressions.
+fn combination(f: &Linear, d: Dims) -> Result<SavedGraph> {
+    let mut dag = Dag::new();
+    let mut inputs = dag.inputs(Block::X, d.x);
+    inputs.extend(dag.inputs(Block::U, d.u));
+    inputs.extend(dag.inputs(Block::P, d.p));
+    inputs.extend(dag.inputs(Block::T, 1));
+    let mut roots = Vec::with_capacity(f.rows.len());
+    for row in &f.rows {
+        let mut sum = dag.constant(0.0);
+        for &(column, factor) in row {
+            let factor = dag.constant(factor);
+            let term = dag.mul(factor, inputs[column]);
+            sum = dag.add(sum, term);
+        }
+        roots.push(sum);
+    }
+    SavedGraph::new(&dag, &roots)
+}
+
 impl SavedFunction {
     pub(super) fn new(f: &SharedFunction) -> Result<SavedFunction> {
-        let expr = f.as_any().and_then(|f| f.downcast_ref::<ExprFunction>());
+        let known = f.as_any();
+        let expr = known.and_then(|f| f.downcast_ref::<ExprFunction>());
+        let linear = known.and_then(|f| f.downcast_ref::<Linear>());
         Ok(SavedFunction {
             signature: Signature::of(f.as_ref()),
-            expressions: f.expressions().transpose()?,
+            expressions: match (expr, linear) {
+                (Some(e), _) => Some(e.source()?.clone()),
+                (_, Some(l)) => Some(combination(l, f.dims())?),
+                _ => None,
+            },
             part: expr.map_or(0, ExprFunction::part_len),
         })
     }

@@ -223,14 +223,6 @@ pub(super) fn in_function(name: &str, e: Error) -> Error {
     }
 }
 
-/// The outputs of a function in another graph, if it is made of expressions.
-///
-/// # Errors
-/// Those of expressions that cannot be saved, or restored.
-pub fn expressions_of(dag: &mut Dag, f: &dyn Function) -> Option<Result<Vec<Id>>> {
-    Some(f.expressions()?.and_then(|source| source.restore(dag, &[])))
-}
-
 impl Function for ExprFunction {
     fn name(&self) -> &str {
         &self.name
@@ -298,9 +290,6 @@ impl Function for ExprFunction {
     }
     fn as_any(&self) -> Option<&dyn std::any::Any> {
         Some(self)
-    }
-    fn expressions(&self) -> Option<Result<SavedGraph>> {
-        Some(self.source().cloned())
     }
     fn bundle(&self, parts: &[(&dyn Function, Range<usize>)]) -> Option<Box<dyn Bundle>> {
         Some(Box::new(Program::new(parts)?))

@@ -35,7 +35,7 @@ pub use c_code::write_c;
 pub use dag::{Block, Dag, Id, Node};
 pub use diff::Entry;
 pub(crate) use function::all_inputs;
-pub use function::{expressions_of, ExprFunction};
+pub use function::ExprFunction;
 pub use graph::{Cond, Expr, Graph, Operand};
 pub use op::{Binary, Unary};
 pub use operator::Operator;

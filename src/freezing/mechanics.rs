@@ -1,8 +1,8 @@
 //! The equations of a scene that is built already, read back from the functions of its system.
 
 use crate::error::{Error, Result};
-use crate::expr::{expressions_of, Dag, Id};
-use crate::scene::{ContactEquations, Equations, Sliding};
+use crate::expr::{Dag, Id};
+use crate::scene::{expressions_of, ContactEquations, Equations, Sliding};
 use crate::system::{Inertia, Mechanics, Order, SharedFunction};
 
 /// Equations of motion and contacts in expressions of `dag`.

@@ -169,12 +169,8 @@ pub trait Function: Send + Sync {
         let _ = (low, high, out_low, out_high, work);
         false
     }
-    /// The function itself, for who knows its type.
+    /// The function itself, for who knows its type: documents look for expressions in it.
     fn as_any(&self) -> Option<&dyn std::any::Any> {
-        None
-    }
-    /// What it computes as expressions: for documents, and for who needs derivatives that it has not. None where it is not made of them.
-    fn expressions(&self) -> Option<crate::error::Result<crate::expr::SavedGraph>> {
         None
     }
     /// The parts of a function with kinks, which only costs may have; none of a smooth one.

@@ -6,8 +6,9 @@
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::expr::{expressions_of, Block, Dag, ExprFunction, Id};
+use crate::expr::{Block, Dag, ExprFunction, Id};
 use crate::func::Dims;
+use crate::scene::expressions_of;
 use crate::system::{Inertia, Mechanics, Order, SharedFunction};
 
 /// Functions of one contact. `x` is the state, `p` the parameters; `a`, `λ`, `τ` (accelerations, normal force, friction

@@ -61,6 +61,7 @@ pub use phases::{MultiPhase, MultiPhaseResult};
 pub use sensitivity::OcpSensitivity;
 pub use starts::{Around, Starts};
 pub use statement::Statement;
+pub(crate) use terms::Linear;
 pub use transitions::JumpMade;
 
 use std::borrow::Cow;

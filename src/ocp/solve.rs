@@ -7,7 +7,7 @@ use super::diagnosis::Case;
 use super::extend::{Extended, Statement};
 use super::identify::Identifier;
 use super::neighbours::Grid;
-use super::optimality::Optimality;
+use super::optimality::{Optimality, Verdict};
 use super::request::{Comparison, Request};
 use super::{Durations, Ocp, OcpResult, SLACK};
 use crate::dcs::Dcs;
@@ -459,12 +459,14 @@ impl Ocp {
         Ok(result)
     }
 
-    /// Says where controls are choices; an answer that has not chosen has no verdict.
+    /// Says where controls are choices. The optimum of one order of modes is none of the problem where a control has not chosen; what is an
+    /// optimum with a kink there has.
     fn name_choice(&self, r: &mut OcpResult) -> Result<()> {
         let Some(choice) = self.choice(r)? else { return Ok(()) };
         r.add_remark(&choice.text);
         if let Some(doubt) = choice.doubt {
-            r.optimality = r.optimality.take().map(|_| Optimality::unknown(doubt));
+            let relaxed = |o: &Optimality| o.verdict == Verdict::LocalOptimum;
+            r.optimality = r.optimality.take().map(|o| if relaxed(&o) { Optimality::unknown(doubt) } else { o });
         }
         Ok(())
     }

@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::error::Result;
-use crate::expr::{Block, Dag, SavedGraph};
 use crate::func::{Dims, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
 use crate::system::SharedFunction;
@@ -236,36 +234,14 @@ pub(super) fn combination(name: &str, dims: Dims, rows: Vec<Vec<(usize, f64)>>) 
 }
 
 /// What [`combination`] makes.
-pub(super) struct Linear {
+pub(crate) struct Linear {
     name: String,
     dims: Dims,
     /// Of every output the columns and their factors.
-    rows: Vec<Vec<(usize, f64)>>,
+    pub(crate) rows: Vec<Vec<(usize, f64)>>,
     jac: Pattern,
     values: Vec<f64>,
     hess: Pattern,
-}
-
-impl Linear {
-    fn saved(&self) -> Result<SavedGraph> {
-        let d = self.dims;
-        let mut dag = Dag::new();
-        let mut inputs = dag.inputs(Block::X, d.x);
-        inputs.extend(dag.inputs(Block::U, d.u));
-        inputs.extend(dag.inputs(Block::P, d.p));
-        inputs.extend(dag.inputs(Block::T, 1));
-        let mut roots = Vec::with_capacity(self.rows.len());
-        for row in &self.rows {
-            let mut sum = dag.constant(0.0);
-            for &(column, factor) in row {
-                let factor = dag.constant(factor);
-                let term = dag.mul(factor, inputs[column]);
-                sum = dag.add(sum, term);
-            }
-            roots.push(sum);
-        }
-        SavedGraph::new(&dag, &roots)
-    }
 }
 
 impl Function for Linear {
@@ -287,8 +263,8 @@ impl Function for Linear {
     fn work_len(&self) -> usize {
         0
     }
-    fn expressions(&self) -> Option<Result<SavedGraph>> {
-        Some(self.saved())
+    fn as_any(&self) -> Option<&dyn std::any::Any> {
+        Some(self)
     }
     fn value(&self, at: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
         for (o, row) in out.iter_mut().zip(&self.rows) {

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use crate::error::Result;
-use crate::expr::{Block, SavedGraph};
+use crate::expr::{Block, Dag, ExprFunction, Id, SavedGraph};
 use crate::func::{Dims, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
 use crate::system::SharedFunction;
@@ -58,6 +58,38 @@ impl Embedded {
     }
 }
 
+/// What a function computes as expressions; none where it is not made of them. Unlike the function itself they have second derivatives.
+///
+/// # Errors
+/// Those of expressions that cannot be saved.
+pub fn saved_expressions(f: &dyn Function) -> Option<Result<SavedGraph>> {
+    let known = f.as_any()?;
+    match known.downcast_ref::<ExprFunction>() {
+        Some(e) => Some(e.source().cloned()),
+        None => known.downcast_ref::<Embedded>()?.expressions(),
+    }
+}
+
+/// The outputs of a function as expressions of a graph, see [`saved_expressions`].
+///
+/// # Errors
+/// Those of expressions that cannot be saved, or restored.
+pub fn expressions_of(dag: &mut Dag, f: &dyn Function) -> Option<Result<Vec<Id>>> {
+    Some(saved_expressions(f)?.and_then(|source| source.restore(dag, &[])))
+}
+
+impl Embedded {
+    fn expressions(&self) -> Option<Result<SavedGraph>> {
+        let number = |block: Block, i: usize| match block {
+            Block::X => self.x[i] as usize,
+            Block::P => self.p[i] as usize,
+            _ => i,
+        };
+        let widened = |inner: SavedGraph| inner.renumbered(&number).scattered(self.n_out, &self.out);
+        Some(saved_expressions(self.inner.as_ref())?.map(widened))
+    }
+}
+
 impl Function for Embedded {
     fn name(&self) -> &str {
         &self.name
@@ -101,14 +133,8 @@ impl Function for Embedded {
         self.at(at, work, |there, _, work| self.inner.hessian(there, weights, out, work))
     }
 
-    fn expressions(&self) -> Option<Result<SavedGraph>> {
-        let number = |block: Block, i: usize| match block {
-            Block::X => self.x[i] as usize,
-            Block::P => self.p[i] as usize,
-            _ => i,
-        };
-        let widened = |inner: SavedGraph| inner.renumbered(&number).scattered(self.n_out, &self.out);
-        Some(self.inner.expressions()?.map(widened))
+    fn as_any(&self) -> Option<&dyn std::any::Any> {
+        Some(self)
     }
 
     fn is_serial(&self) -> bool {
@@ -127,7 +153,7 @@ impl Function for Embedded {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::expr::{Dag, ExprFunction, Graph};
+    use crate::expr::Graph;
     use std::sync::Arc;
 
     #[test]

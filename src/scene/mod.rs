@@ -34,6 +34,7 @@ mod shape;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+pub use embedded::{expressions_of, saved_expressions};
 pub use parts::{ContactEquations, Equations, Sliding};
 pub use report::{ContactReport, Dropped, Report};
 
