@@ -118,7 +118,8 @@ def test_states_of_others_are_conditions():
     first = swb.Automaton(m, states="off on hot", name="first")
     second = swb.Automaton(m, states=3, initial=1, name="second")
     light = m.discrete("light")
-    first.edge("off", "on", when=x > 1)
+    # the light is on from 1 on: what is switched off at 3 stays so, else it would come back at once and for ever
+    first.edge("off", "on", when=x > 1, given={light: 0})
     first.edge(["on"], "hot", when=x > 2)
     first.edge(None, "off", when=x > 3)
     second.edge(1, 2, when=first.is_in("on", "hot"), to={light: 1})
