@@ -68,9 +68,12 @@ pub unsafe fn create<O: Object>(out: *mut *mut O, make: impl FnOnce(&Interrupt) 
 
 // --- objects that could not be completed ---------------------------------------------------------------
 
+/// The address of an object, and what forgets its failure.
+type Forgettable = (usize, fn(usize));
+
 thread_local! {
     /// The object whose first failure the last failed call of this thread was, and how to forget it.
-    static TO_HANDLE: Cell<Option<(usize, fn(usize))>> = const { Cell::new(None) };
+    static TO_HANDLE: Cell<Option<Forgettable>> = const { Cell::new(None) };
     /// The last object that could not be made on this thread: its type and why.
     static NOT_MADE: RefCell<Option<(&'static str, String)>> = const { RefCell::new(None) };
 }

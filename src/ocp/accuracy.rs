@@ -116,7 +116,7 @@ impl Accuracy {
 
     /// Does the simulation contradict the answer, whose cost has this size? One that was not finished says nothing.
     pub(super) fn contradicts(&self, cost_size: f64) -> bool {
-        let other_cost = !(self.cost_error.abs() <= COST_APART * cost_size);
+        let other_cost = self.cost_error.is_nan() || self.cost_error.abs() > COST_APART * cost_size;
         self.outcome.is_some() && (!self.reached() || self.apart.is_some() || other_cost)
     }
 }

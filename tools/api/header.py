@@ -18,7 +18,7 @@ DECLARATIONS = [
     ("object", r"typedef\s+struct\s+(?P<name>\w+)\s+(?P=name)\s*;"),
     ("callback", r"typedef\s+(?P<result>\w+)\s*\(\s*\*\s*(?P<name>\w+)\s*\)\s*\((?P<body>[^()]*)\)\s*;"),
     ("number", r"typedef\s+u?int\d+_t\s+(?P<name>\w+)\s*;"),
-    ("function", r"SWB_API\s+(?P<result>[\w\s]+?[\s*]+)(?P<name>swb_\w+)\s*\((?P<body>[^()]*)\)\s*;"),
+    ("function", r"(?:SWB_NODISCARD\s+)?SWB_API\s+(?P<result>[\w\s]+?[\s*]+)(?P<name>swb_\w+)\s*\((?P<body>[^()]*)\)\s*;"),
 ]
 
 
