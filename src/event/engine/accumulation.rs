@@ -40,11 +40,6 @@ impl History {
         self.back(back).zip(self.back(back + 1)).map(|(now, before)| now - before)
     }
 
-    /// Is this another `n` of them?
-    pub(super) fn is_nth(&self, n: usize) -> bool {
-        self.n % n == 0
-    }
-
     /// All intervals that are remembered, the oldest first, if there are as many as that.
     pub(super) fn gaps(&self) -> Option<[f64; MEMORY]> {
         self.back(MEMORY)?;
@@ -63,6 +58,8 @@ struct Kind {
     zeros: usize,
     /// Nothing slid behind it.
     free: bool,
+    /// It was a transition.
+    jumped: bool,
 }
 
 /// Where switches were lately.
@@ -307,6 +304,29 @@ impl Recent {
         best.min_by(|a, b| a.spread.total_cmp(&b.spread)).map_or(t, |l| l.t)
     }
 
+    /// The last switch was a transition.
+    pub(super) fn note_jump(&mut self) {
+        self.kinds[(self.n + MEMORY - 1) % MEMORY].jumped = true;
+    }
+
+    /// Were several of the last switches transitions? One of them, such as that which begins a phase of a controller, is only followed by what
+    /// accumulates.
+    pub(super) fn are_transitions(&self) -> bool {
+        let place = |back: usize| (self.n + MEMORY - back) % MEMORY;
+        (1..=self.n.min(MEMORY)).filter(|back| self.kinds[place(*back)].jumped).count() > 1
+    }
+
+    /// Time between two switches of whatever source, the `i`-th of those that are remembered.
+    pub(super) fn gap(&self, i: usize) -> f64 {
+        self.gaps[(self.n + i) % MEMORY]
+    }
+
+    /// A time before the last so many switches of whatever source, and behind the one before them; at most [`MEMORY`].
+    pub(super) fn before_last(&self, switches: usize) -> f64 {
+        let later: f64 = (MEMORY + 1 - switches..MEMORY).map(|i| self.gap(i)).sum();
+        self.last - later - 0.5 * self.gap(MEMORY - switches)
+    }
+
     /// Time between the last two switches or jumps.
     pub(super) fn last_gap(&self) -> f64 {
         self.gaps[(self.n + MEMORY - 1) % MEMORY]
@@ -351,7 +371,7 @@ impl Engine {
             *last = self.t;
             zeros += 1;
         }
-        self.recent.kinds[i] = Kind { source, zeros, free: self.field.n_alg() == 0 };
+        self.recent.kinds[i] = Kind { source, zeros, free: self.field.n_alg() == 0, jumped: false };
         self.recent.sources[source].note(self.t, self.recent.epoch);
         self.recent.n += 1;
         self.recent.follow(resolved, noise);

@@ -109,6 +109,7 @@ impl Engine {
         self.zero.fill(false);
         self.zero[self.field.guards.all[guard].q] = true;
         self.remember(self.source(&w), None);
+        self.recent.note_jump();
         self.make(guard, -rate)
     }
 
@@ -120,6 +121,7 @@ impl Engine {
             return Ok(false);
         }
         // a zero of higher order has no rate
+        self.write_dense()?;
         self.step.at(0.5, &mut self.node);
         self.field.watched(self.step.t + 0.5 * self.step.h, &self.node)?;
         let mut moved = w.value(&self.field.q, &self.field).abs();

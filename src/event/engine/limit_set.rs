@@ -68,11 +68,9 @@ impl Engine {
         /// Switches from which on the last two intervals may say that they become shorter, and by which factor at least.
         const FEW: usize = 3;
         const FAST: f64 = 0.25;
-        /// Intervals of one source that say so: on the way around a point where two surfaces meet each is crossed as often.
-        const WINDOW: usize = MEMORY / 2;
         /// A time in units of its rounding.
         const LATE: f64 = 1e3;
-        if self.recent.n < FEW {
+        if self.recent.n < FEW || self.recent.are_transitions() {
             return Ok(None);
         }
         if self.recent.n % MEMORY == 0 {
@@ -80,25 +78,20 @@ impl Engine {
             self.shrinking.note(sum);
         }
         // the state moves within the tolerance from one switch to the next
-        let history = self.recent.of_last();
-        let (Some(gap), Some(before)) = (history.gap(0), history.gap(1)) else { return Ok(None) };
-        let endless = self.shrinking.endless() && self.recent.n % MEMORY == 0;
+        let gap = self.recent.last_gap();
+        let close = (0..self.nx).all(|i| self.f[i].abs() * gap <= 10.0 * self.tolerance_of(i));
+        let endless = self.shrinking.endless();
+        // an unstable set is left by ever longer ways
+        let later: f64 = (MEMORY / 2..MEMORY).map(|i| self.recent.gap(i)).sum();
+        let many = self.recent.n > MEMORY;
         // times between them that are hardly more than rounding say nothing soon
         let late = gap <= LATE * EPS * self.t.abs();
-        // an unstable set is left by ever longer ways
-        let many = history.back(WINDOW).zip(history.back(WINDOW / 2));
-        let shrinks = many.is_some_and(|(from, middle)| {
-            self.t - middle < 0.5 * (self.t - from) && (history.is_nth(WINDOW / 2) || late)
-        });
-        let falls = gap < FAST * before && self.recent.are_crossings_of_one(FEW);
-        if !(shrinks || falls || endless) {
+        let shrinks = later < 0.5 * self.recent.gaps.iter().sum::<f64>() && (self.recent.n % 4 == 0 || late);
+        let falls = gap < FAST * self.recent.gap(MEMORY - 2) && self.recent.are_crossings_of_one(FEW);
+        if !(close && (many && shrinks || falls) || endless && self.recent.n % MEMORY == 0) {
             return Ok(None);
         }
-        let close = || (0..self.nx).all(|i| self.f[i].abs() * gap <= 10.0 * self.tolerance_of(i));
-        let from = many.map_or(self.t - gap - before, |(from, _)| from);
-        if !(endless || close()) || self.jumped_since(from) {
-            return Ok(None);
-        }
+        let from = self.recent.before_last(if many { MEMORY } else { FEW });
         if self.options.zeno == Zeno::Stop {
             let text =
                 format!("switches come ever closer: the last {MANY} of them have an end within reach or none at all");
@@ -165,12 +158,12 @@ impl Engine {
     pub(super) fn mark_near_surfaces(&mut self, most: f64) -> std::result::Result<(), EvalError> {
         self.field.watched(self.t, &self.x)?;
         self.field.watched_gradients(self.t, &self.x)?;
-        match self.since().filter(|from| !self.jumped_since(*from)) {
-            Some(from) => self.mark_since(from),
-            None => {
-                self.zero.fill(false);
-                self.keep_surfaces();
-            }
+        let from = self.recent.before_last(MEMORY);
+        if self.recent.n > MEMORY && !self.recent.are_transitions() {
+            self.mark_since(from);
+        } else {
+            self.zero.fill(false);
+            self.keep_surfaces();
         }
         for s in &self.field.subs {
             let least = self.field.q[s.q0..s.q0 + s.n_q].iter().fold(f64::INFINITY, |m, q| m.min(*q));
