@@ -333,11 +333,12 @@ impl Recent {
     }
 }
 
+/// Ratio of two sums of intervals, one behind the other, below which they become shorter.
+const SHRINKS: f64 = 0.95;
+
 /// What is left of the intervals between switches of one source, the oldest first, if they become shorter as a geometric series does. One long
 /// interval with short ones behind it is none: there it is by chance that several of them are close.
 fn rest_of_series(gaps: &[f64; MEMORY]) -> Option<f64> {
-    /// Ratio of two sums of intervals, one behind the other, of which more than this is left over.
-    const SHRINKS: f64 = 0.95;
     /// How much larger the last ratio of two intervals and the next two may be than those before it.
     const LARGER: f64 = 4.0;
     let pair = |i: usize| gaps[2 * i] + gaps[2 * i + 1];
@@ -479,7 +480,17 @@ impl Engine {
         let history = self.recent.of_last();
         let Some((gaps, from)) = history.gaps().zip(self.since()) else { return Ok(None) };
         let stuck = self.t - from <= 64.0 * EPS * self.t.abs();
-        let left = if stuck { Some(0.0) } else { rest_of_series(&gaps) };
+        let jumps = self.jumped_since(from);
+        let left = match stuck {
+            true => Some(0.0),
+            // independent guards fire as they like; what slides does not
+            false if jumps => rest_of_series(&gaps),
+            false => {
+                let half = |i: usize| gaps[i * MEMORY / 2..(i + 1) * MEMORY / 2].iter().sum::<f64>();
+                let ratio = half(1) / half(0);
+                (ratio < SHRINKS).then(|| half(1) * ratio / (1.0 - ratio))
+            }
+        };
         let Some(left) = left else { return Ok(None) };
         for i in 0..self.nx {
             let tol = self.atol[i] + self.rtol[i] * self.x[i].abs();
@@ -492,7 +503,6 @@ impl Engine {
             return Ok(None);
         }
         self.stats.accumulations += 1;
-        let jumps = self.jumped_since(from);
         self.recent.forget();
         let limit = self.t + left;
         if jumps {
