@@ -378,6 +378,8 @@ impl Engine {
         self.recent.follow(resolved, noise);
         let before = crossed.and_then(|(j, _)| self.rate_before(j, self.t, self.recent.n == 1));
         let before = before.filter(|_| self.recent.n == 1 || self.recent.are_crossings_of_one(2));
+        // the times of what no state moves are exact, whatever the tolerances
+        let crossed = crossed.filter(|_| usual > 0.0);
         self.recent.falling.note(crossed, (gap, usual), before);
         self.follow_sharpness();
     }
@@ -401,7 +403,7 @@ impl Engine {
         let Some(before) = self.rate_before(a, at, self.recent.n == 0) else { return false };
         let free = self.recent.n == 0 || self.recent.are_crossings_of_one(1);
         let since = at - self.recent.last;
-        free && self.depart[l] == 0 && self.recent.falling.expect((rate / before).abs(), since)
+        free && self.depart[l] == 0 && self.reach_of(a) > 0.0 && self.recent.falling.expect((rate / before).abs(), since)
     }
 
     /// Part of the absolute tolerances that the state is followed to.
