@@ -2,7 +2,7 @@
 
 use super::function::{shared, swb_function, swb_point, UserFunction};
 use super::guard::guard;
-use super::handle::{self, running, Object};
+use super::handle::{self, Object};
 use super::raw;
 use super::status::swb_status;
 use super::system::swb_system;
@@ -488,7 +488,12 @@ pub unsafe extern "C" fn swb_model_create(
 /// @return SWB_OK; SWB_ERR_NULL
 #[no_mangle]
 pub unsafe extern "C" fn swb_model_system(model: *const swb_model, out: *mut *mut swb_system) -> swb_status {
-    running(model, || unsafe { handle::create(out, |_| handle::with_ref(model, |m| Ok(m.system.clone()))) })
+    guard(|| unsafe {
+        handle::create(out, |_| {
+            handle::require(model)?;
+            handle::with_ref(model, |m| Ok(m.system.clone()))
+        })
+    })
 }
 
 /// What a model consists of. Any output may be NULL.

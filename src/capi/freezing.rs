@@ -2,7 +2,7 @@
 
 use super::expr::{ids, swb_expr, swb_model};
 use super::guard::guard;
-use super::handle::{self, running};
+use super::handle;
 use super::raw;
 use super::report::{write_sized, Sized8};
 use super::scene::swb_scene;
@@ -142,8 +142,9 @@ pub unsafe extern "C" fn swb_scene_freeze(
     layout_size: u64,
     out: *mut *mut swb_model,
 ) -> swb_status {
-    running(scene, || unsafe {
+    guard(|| unsafe {
         handle::create(out, |_| {
+            handle::require(scene)?;
             let mut options = swb_freeze_options::read(options)?;
             options.at = raw::slice(at, n_at, "at")?.to_vec();
             handle::with_mut(scene, |s| {

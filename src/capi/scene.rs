@@ -362,7 +362,12 @@ pub unsafe extern "C" fn swb_scene_build(scene: *mut swb_scene, graph: *mut swb_
 /// @return SWB_OK; SWB_ERR_STATE if the scene is not built
 #[no_mangle]
 pub unsafe extern "C" fn swb_scene_system(scene: *const swb_scene, out: *mut *mut swb_system) -> swb_status {
-    running(scene, || unsafe { handle::create(out, |_| handle::with_ref(scene, |s| Ok(s.built()?.system.clone()))) })
+    guard(|| unsafe {
+        handle::create(out, |_| {
+            handle::require(scene)?;
+            handle::with_ref(scene, |s| Ok(s.built()?.system.clone()))
+        })
+    })
 }
 
 /// Report of a scene that is built: contacts with what they cost, and which were left out and why.
