@@ -5321,7 +5321,7 @@ swb_status swb_run_get_info(const struct swb_run *run,
                             uint64_t struct_size);
 
 /**
- * Why a run ended early, in words; "" if it reached its time.
+ * Why a run ended early, in words; if it reached its time, what is not known to the tolerances, or "".
  *
  * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
  * @param[out] needed length with the final NUL, written in any case; may be NULL
@@ -6146,7 +6146,7 @@ swb_status swb_integrator_get_outcome(const struct swb_integrator *integrator,
                                       int32_t *outcome);
 
 /**
- * Why the simulation ended early, in words; "" if it did not.
+ * Why the simulation ended early, in words; if it did not, what is not known to the tolerances, or "".
  *
  * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
  * @param[out] needed length with the final NUL, written in any case; may be NULL

@@ -494,7 +494,7 @@ pub unsafe extern "C" fn swb_integrator_get_outcome(
     guard(|| unsafe { handle::with_ref(integrator, |o| raw::write(outcome, ending_number(o.ending().0), "outcome")) })
 }
 
-/// Why the simulation ended early, in words; "" if it did not.
+/// Why the simulation ended early, in words; if it did not, what is not known to the tolerances, or "".
 ///
 /// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
 /// @param[out] needed length with the final NUL, written in any case; may be NULL

@@ -345,7 +345,7 @@ pub unsafe extern "C" fn swb_run_get_info(
     })
 }
 
-/// Why a run ended early, in words; "" if it reached its time.
+/// Why a run ended early, in words; if it reached its time, what is not known to the tolerances, or "".
 ///
 /// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
 /// @param[out] needed length with the final NUL, written in any case; may be NULL

@@ -378,7 +378,7 @@ pub struct Statistics {
 pub struct Run {
     /// How it ended.
     pub outcome: Outcome,
-    /// Why, in words; empty when the time asked for is reached.
+    /// Why, in words; where the time asked for is reached, what is not known to the tolerances, or nothing.
     pub reason: String,
     /// Time reached.
     pub t: f64,

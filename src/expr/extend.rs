@@ -17,6 +17,7 @@ use super::dag::{Dag, Id, Node};
 use super::exact::shifted_f64;
 use super::op::{Binary, Unary};
 use super::piecewise::Piecewise;
+use super::switching::LinearForm;
 
 /// Nodes that are looked at for the sign of one argument.
 const MOST: usize = 256;
@@ -160,8 +161,10 @@ impl Dag {
             }
             Node::Binary(Binary::Add, a, b) => {
                 let a = self.least(a, facts, left);
-                a.and_then(|a| self.least(b, facts, left).map(|b| a + b))
+                let sum = a.and_then(|a| self.least(b, facts, left).map(|b| a + b));
+                sum.or_else(|| self.least_of_sum(&self.linear_form(id), facts, left))
             }
+            Node::Binary(Binary::Sub, ..) => self.least_of_sum(&self.linear_form(id), facts, left),
             Node::Select(c, a, b) if self.is_modulus(c, a, b) => Some(0.0),
             Node::Select(c, a, b) => self.least_of_choice((c, a, b), facts, left),
             _ => None,
@@ -181,9 +184,36 @@ impl Dag {
         Some(least)
     }
 
+    /// What a sum is at least: that of each branch of a choice in it, as `max(a, b) - b`.
+    fn least_of_sum(&self, form: &LinearForm, facts: &[(u32, bool)], left: &mut usize) -> Option<f64> {
+        *left = left.checked_sub(1)?;
+        let choice = form.terms.iter().find_map(|(id, _)| match self.node(*id) {
+            Node::Select(c, a, b) => Some((*id, c, [(a, true), (b, false)])),
+            _ => None,
+        });
+        let Some((id, condition, branches)) = choice else {
+            let constant = form.terms.is_empty() && !form.constant.is_negative();
+            let by_facts = facts.iter().filter_map(|f| self.least_of_form_by(form, *f));
+            let all = by_facts.chain(constant.then(|| shifted_f64(&form.constant, 0)));
+            return all.fold(None, |m: Option<f64>, v| Some(m.map_or(v, |m| m.max(v))));
+        };
+        let mut least = f64::INFINITY;
+        for (branch, holds) in branches {
+            let chosen = form.replaced(id, &self.linear_form(branch));
+            for way in self.ways(condition, holds, facts).unwrap_or_else(|| vec![facts.to_vec()]) {
+                least = least.min(self.least_of_sum(&chosen, &way, left)?);
+            }
+        }
+        Some(least)
+    }
+
     /// What a value is at least because it is a positive multiple of a switching function of this sign, and a constant that is not negative.
-    fn least_by(&self, id: Id, (s, positive): (u32, bool)) -> Option<f64> {
-        let (form, psi) = (self.linear_form(id), self.linear_form(self.switches[s as usize].psi));
+    fn least_by(&self, id: Id, fact: (u32, bool)) -> Option<f64> {
+        self.least_of_form_by(&self.linear_form(id), fact)
+    }
+
+    fn least_of_form_by(&self, form: &LinearForm, (s, positive): (u32, bool)) -> Option<f64> {
+        let psi = self.linear_form(self.switches[s as usize].psi);
         let ratio = &form.terms.first()?.1 / &psi.terms.first()?.1;
         let rest: BigRational = &form.constant - &ratio * &psi.constant;
         let multiple = form.terms == psi.times(&ratio).terms;

@@ -54,6 +54,17 @@ impl LinearForm {
         }
     }
 
+    /// The form with another one in the place of one of its terms.
+    pub(super) fn replaced(&self, term: Id, by: &LinearForm) -> LinearForm {
+        let mut terms: BTreeMap<Id, BigRational> = self.terms.iter().cloned().collect();
+        let Some(factor) = terms.remove(&term) else { return self.clone() };
+        for (id, c) in &by.terms {
+            *terms.entry(*id).or_insert_with(BigRational::zero) += c * &factor;
+        }
+        terms.retain(|_, c| !c.is_zero());
+        LinearForm { constant: &self.constant + &by.constant * &factor, terms: terms.into_iter().collect() }
+    }
+
     fn key(&self) -> SwitchKey {
         let entry = |id: Id, c: &BigRational| {
             let (digits, power) = rounded(c);

@@ -3794,7 +3794,7 @@ swb_run_get_info(run, info, struct_size) =
 """
     swb_run_reason(run, buf, len, needed) -> swb_status
 
-Why a run ended early, in words; \"\" if it reached its time.
+Why a run ended early, in words; if it reached its time, what is not known to the tolerances, or \"\".
 
 @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
 @param[out] needed length with the final NUL, written in any case; may be NULL
@@ -4573,7 +4573,7 @@ swb_integrator_get_outcome(integrator, outcome) =
 """
     swb_integrator_get_reason(integrator, buf, len, needed) -> swb_status
 
-Why the simulation ended early, in words; \"\" if it did not.
+Why the simulation ended early, in words; if it did not, what is not known to the tolerances, or \"\".
 
 @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
 @param[out] needed length with the final NUL, written in any case; may be NULL

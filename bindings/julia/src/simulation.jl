@@ -18,7 +18,7 @@ time, `sol(t; order = 1)` derivatives with respect to time.
   is grazing), `simultaneous` and `unique`; `redundant` if contacts were redundant: the motion is unique, the forces are those of
   least norm. See also `contact_force` and `contact_mode`
 - `retcode`: `:Success`, `:MaxIters`, `:DtLessThanMin`, `:Terminated` or `:Failure`; `outcome` is the library's own word for
-  it, `reason` says it in words
+  it, `reason` says it in words; of a run that reached its time it says what is not known to the tolerances
 - `dx_dx0`, `dx_dp`, `dx_du`: derivatives of the state reached, and `switch_derivatives`, `jump_derivatives` and `impact_derivatives`, a
   row of derivatives with respect to all of these for the time of each switch, each transition and each impact; nothing without `sensitivity`, and no `dx_dx0` nor its columns with `:inputs`. `one_sided` if they hold for one side only
 - `branch_points`, `contacts`, `accumulations`: points with several continuations, surfaces only touched, points at which

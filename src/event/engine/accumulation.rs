@@ -403,7 +403,9 @@ impl Engine {
         let Some(before) = self.rate_before(a, at, self.recent.n == 0) else { return false };
         let free = self.recent.n == 0 || self.recent.are_crossings_of_one(1);
         let since = at - self.recent.last;
-        free && self.depart[l] == 0 && self.reach_of(a) > 0.0 && self.recent.falling.expect((rate / before).abs(), since)
+        free && self.depart[l] == 0
+            && self.reach_of(a) > 0.0
+            && self.recent.falling.expect((rate / before).abs(), since)
     }
 
     /// Part of the absolute tolerances that the state is followed to.

@@ -121,8 +121,13 @@ impl Engine {
             return Ok(());
         }
         if self.sens.is_some() || self.tape.is_some() {
-            let at = (self.t, &self.x[..], &self.f[..]);
-            self.watches[l].time_gradient(&mut self.field, at, &mut self.time_row)?;
+            match self.flat.as_ref().map(|f| f.beside) {
+                Some(beside) => self.time_gradient_at_flat(l, beside)?,
+                None => {
+                    let at = (self.t, &self.x[..], &self.f[..]);
+                    self.watches[l].time_gradient(&mut self.field, at, &mut self.time_row)?;
+                }
+            }
         }
         if let Some(s) = &mut self.sens {
             s.time(&self.time_row);

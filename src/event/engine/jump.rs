@@ -104,7 +104,10 @@ impl Engine {
             return Ok(());
         }
         let scale = w.scale(&self.field.dq, &self.field, t, &self.x);
-        self.one_sided |= rate.abs() < 1e-6 * scale.reach * self.field.pace(&self.x, &self.f);
+        self.one_sided |= match &self.flat {
+            Some(flat) => flat.coarse,
+            None => rate.abs() < 1e-6 * scale.reach * self.field.pace(&self.x, &self.f),
+        };
         self.differentiate_time(l)?;
         self.zero.fill(false);
         self.zero[self.field.guards.all[guard].q] = true;
@@ -138,7 +141,7 @@ impl Engine {
         if self.field.guards.armed.is_empty() || self.outcome != Outcome::Reached {
             return Ok(());
         }
-        match self.held() {
+        match self.held()? {
             Some((g, touches)) => {
                 self.one_sided |= touches;
                 self.make(g, f64::NAN)
@@ -168,6 +171,7 @@ impl Engine {
                 return Err(EvalError::Stopped);
             }
             made += 1;
+            self.note_made(self.field.guards.all[g].q);
             self.field.reset(g, (self.t, &self.x), recorded, &mut self.reset)?;
             if self.reset.x.iter().any(|v| !v.is_finite()) {
                 return Err(EvalError::Recoverable);
@@ -200,13 +204,13 @@ impl Engine {
                 }
                 self.enter()?;
             }
-            if self.watches.iter().filter_map(|w| self.acts(w)).any(|(guard, _)| guard == g) {
+            if self.goes_on(g)? {
                 // it is watched on its way back
                 self.field.guards.all[g].spent = true;
                 self.enter()?;
             }
             rate = f64::NAN;
-            let held = self.held();
+            let held = self.held()?;
             self.one_sided |= held.is_some_and(|h| h.1);
             next = held.map(|h| h.0);
         }
@@ -230,15 +234,80 @@ impl Engine {
 
     /// Does a transition act at the present point: is its guard watched and beyond zero, or at zero and on its way? And is
     /// it at zero: then a small change decides whether it acts now.
-    fn acts(&self, w: &Watch) -> Option<(usize, bool)> {
-        let Watch::Guard { guard, back: false, .. } = *w else { return None };
-        let (value, rate, tol, slow) = self.standing(w);
-        (value < -tol || (value <= tol && rate < -slow)).then_some((guard, value >= -tol))
+    fn acts(&mut self, l: usize) -> std::result::Result<Option<(usize, bool)>, EvalError> {
+        let w = self.watches[l];
+        let Watch::Guard { guard, back: false, .. } = w else { return Ok(None) };
+        let (value, rate, tol, slow) = self.standing(&w);
+        if value.abs() <= self.level(&w) {
+            // rounding: it has happened, or happens with what vanished here
+            return Ok(w.place().filter(|a| self.is_due(*a)).map(|_| (guard, false)));
+        }
+        let acts = value < -tol || value <= tol && rate < -slow && -rate > self.rate_noise(&w)?;
+        Ok(acts.then_some((guard, value >= -tol)))
     }
 
     /// The first transition that acts.
-    fn held(&self) -> Option<(usize, bool)> {
-        self.watches.iter().find_map(|w| self.acts(w))
+    fn held(&mut self) -> std::result::Result<Option<(usize, bool)>, EvalError> {
+        for l in 0..self.watches.len() {
+            let found = self.acts(l)?;
+            if found.is_some() {
+                return Ok(found);
+            }
+        }
+        Ok(None)
+    }
+
+    /// What rounding makes of the rate of a guard where modes slide. What they tie is zero to the rounding of the states in it, and of what they
+    /// are pulled by on both sides in a step. The rate of a guard that depends on it is known to no more than that: a body that friction
+    /// holds has a velocity of `1e-17`, and does not go anywhere.
+    pub(super) fn rate_noise(&mut self, w: &Watch) -> std::result::Result<f64, EvalError> {
+        /// Roundings that are seen, and by how many of them states are moved to see what they do.
+        const SEEN: f64 = 64.0;
+        const FAR: f64 = 1e7;
+        if self.field.n_alg() == 0 || self.field.has_contacts() || self.field.in_limit_set() {
+            return Ok(0.0);
+        }
+        let mut there = std::mem::take(&mut self.node);
+        let mut velocity = std::mem::take(&mut self.step.f);
+        there.copy_from_slice(&self.x);
+        let length = self.usual_step();
+        let mut pull = vec![0.0f64; self.nx];
+        for (i, d) in (0..self.field.n_alg()).flat_map(|pair| self.field.d(pair)) {
+            pull[i] = pull[i].max(d.abs());
+        }
+        for k in (0..self.field.subs.len()).filter(|k| self.field.active[*k].len() > 1) {
+            for j in self.field.surfaces(k) {
+                for (i, g) in self.field.gradients.row(&self.dq0, j).states() {
+                    // by different parts, as those of two states may cancel
+                    let part = 1.0 + (0.618_034 * i as f64).fract();
+                    if g != 0.0 {
+                        there[i] = self.x[i] + part * FAR * EPS * (self.field.size(i, self.x[i]) + length * pull[i]);
+                    }
+                }
+            }
+        }
+        let n_alg = self.field.n_alg();
+        let alpha = self.field.alpha[..n_alg].to_vec();
+        let known = self.field.rhs(self.t, &there, &mut velocity);
+        self.field.alpha[..n_alg].copy_from_slice(&alpha);
+        let change = w.rate(&self.dq0, &self.field, &velocity) - w.rate(&self.dq0, &self.field, &self.f);
+        self.node = there;
+        self.step.f = velocity;
+        match known {
+            Ok(()) if change.is_finite() => Ok(SEEN / FAR * change.abs()),
+            Ok(()) | Err(EvalError::Recoverable) => Ok(0.0),
+            Err(e) => Err(e),
+        }
+    }
+
+    /// Does the guard of transition `g`, which has just been made, go on below zero?
+    fn goes_on(&mut self, g: usize) -> std::result::Result<bool, EvalError> {
+        let of_guard = |w: &Watch| matches!(*w, Watch::Guard { guard, back: false, .. } if guard == g);
+        let Some(l) = self.watches.iter().position(of_guard) else { return Ok(false) };
+        match self.level(&self.watches[l]) {
+            0.0 => Ok(self.acts(l)?.is_some()),
+            level => self.falls_ahead(l, level),
+        }
     }
 
     /// Value and rate of a watched guard at the present point, and what is rounding of each.

@@ -44,6 +44,7 @@ impl Engine {
     /// if that does not succeed. No step goes beyond the time asked for: a switch that turns out to lie behind it is left
     /// to the next call.
     pub(super) fn land(&mut self, l: usize, s: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
+        self.flat = None;
         if self.ends_inside(l, s) {
             return self.land_inside(l, s, slope, grown);
         }
@@ -65,7 +66,7 @@ impl Engine {
             self.stats.relocations += 1;
             return self.switch(l, slope, 0.25 * full).map(Some);
         }
-        let (mut slope, mut before) = (slope, None);
+        let (mut slope, mut before, mut last) = (slope, None, f64::NAN);
         let base = self.begins_at(l);
         // what the interpolation says may be off by a little
         let most = (1.1 * full).min(self.t_stop - self.t);
@@ -86,6 +87,7 @@ impl Engine {
             }
             let Some((value, rate)) = recover(self.watched(l, self.t + h).map(Some), None)? else { return Ok(None) };
             let value = value - base;
+            last = rate;
             if let Some((v, at)) = before {
                 let secant: f64 = (value - v) / (h - at);
                 if secant < 0.0 {
@@ -101,6 +103,9 @@ impl Engine {
                 return Ok(None);
             }
             if delta.abs() <= 1e-8 * h || delta.abs() <= floor || !steep && self.is_short(delta, l) {
+                if self.is_flat(l, rate, full) {
+                    return self.land_on_flat(l, full, slope, grown);
+                }
                 // forces of bodies that carry each other vanish together, and no step lies between them
                 let at_once = self.field.has_contacts() && h <= self.no_time();
                 if self.overlooked(l) && !at_once || self.comes_slowly(l, rate) {
@@ -128,6 +133,9 @@ impl Engine {
             if value > rtol.sqrt() {
                 return Ok(None);
             }
+        }
+        if before.is_some_and(|_| self.is_flat(l, last, full)) {
+            return self.land_on_flat(l, full, slope, grown);
         }
         // grazing: the length hardly matters for the value any more
         if let (Some((value, _)), Watch::Contact { .. }) = (before, self.watches[l]) {
@@ -165,6 +173,11 @@ impl Engine {
         if !w.is_affine(&self.field) {
             let Some(found) = self.sharpen(l, s, slope)? else { return Ok(None) };
             s = found;
+            // its gradients are known at the end of the step
+            let at_end = w.rate(&self.dq1, &self.field, &self.step.f1);
+            if self.is_flat(l, at_end, full) {
+                return self.land_on_flat(l, full, slope, grown);
+            }
         }
         if s * full <= 4.0 * EPS * self.t.abs().max(full) {
             return Ok(None);
@@ -281,7 +294,7 @@ impl Engine {
     }
 
     /// May the last digits be a straight line over this time? Where a function hardly changes, rounding of its value is a long time.
-    fn may_be_straight(&self, delta: f64, l: usize) -> bool {
+    pub(super) fn may_be_straight(&self, delta: f64, l: usize) -> bool {
         let floor = 4.0 * EPS * self.t.abs().max(self.step.h);
         self.step_implicit && delta.is_finite()
             || delta.abs() <= (1e-8 * self.step.h).max(floor)

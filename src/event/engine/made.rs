@@ -164,6 +164,8 @@ impl Engine {
             discrete: system.discrete_states(),
             reset: Reset::new(nx, n_z),
             time_row: vec![0.0; n_z],
+            flat: None,
+            levels: vec![0.0; n_q],
             powers: std::array::from_fn(|_| vec![0.0; nx]),
             nonzero: Vec::new(),
             variational: (f64::INFINITY, 0),
@@ -211,6 +213,7 @@ impl Engine {
         self.limits = (f64::NEG_INFINITY, 0);
         self.recent.last = t;
         self.field.guards.reset(x);
+        self.levels.fill(0.0);
         self.crowd = 0;
         self.burst = (f64::NEG_INFINITY, 0);
         self.scene.forget();

@@ -7,6 +7,7 @@ mod contact;
 mod contact_steps;
 mod control;
 mod derivatives;
+mod flat;
 mod impact;
 mod jump;
 mod limit_set;
@@ -25,6 +26,7 @@ use self::accumulation::Recent;
 use self::chatter::Window;
 use self::contact::SceneRoom;
 use self::control::{Beyond, Cut, FirstStep, Pace, Tried};
+use self::flat::Flat;
 use self::limit_set::{Origin, Shrinking};
 use self::record::Sampled;
 use self::search::Found;
@@ -223,6 +225,10 @@ pub struct Engine {
     reset: Reset,
     /// Derivatives of the time of a switch.
     time_row: Vec<f64>,
+    /// What the zero that the last step ended at was like, if it was of higher order.
+    flat: Option<Flat>,
+    /// Of every indicator, where it vanished last with a zero of higher order: signs of values up to this one mean nothing there.
+    levels: Vec<f64>,
     /// Room for products with a Jacobian, and what they said last of the longest step for derivatives, at which step.
     powers: [Vec<f64>; 3],
     nonzero: Vec<(usize, usize, f64)>,

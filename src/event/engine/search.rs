@@ -138,8 +138,16 @@ impl Engine {
         for k in 0..self.suspects.len() {
             let l = self.suspects[k];
             self.samples[l][0] = self.w0[l];
-            if self.rests(l) {
+            if self.rests(l)? {
                 self.resting[l] = true;
+                continue;
+            }
+            if let Some(found) = self.first_behind_flat(l) {
+                match found {
+                    Found::Zero(_, s, _) if s < first => (first, best) = (s, found),
+                    Found::Coarse(_) => return Ok(found),
+                    _ => {}
+                }
                 continue;
             }
             let power = usize::from(self.depart[l]);
@@ -282,14 +290,14 @@ impl Engine {
     /// Is a watched function zero to rounding at all samples of the step? The state rests on a surface that its velocity
     /// is tangent to, or moves off it by less than it can hold: nothing happens. Where it leaves the surface, signs that
     /// are rounding are not taken for signs.
-    fn rests(&mut self, l: usize) -> bool {
+    fn rests(&mut self, l: usize) -> std::result::Result<bool, EvalError> {
         let w = self.watches[l];
         if self.depart[l] == 0 {
-            return false;
+            return Ok(false);
         }
         if w.is_leave() {
             // a field at the limit of what the others hold
-            return self.samples[l].iter().all(|v| v.abs() <= WEIGHT_ROUNDING);
+            return Ok(self.samples[l].iter().all(|v| v.abs() <= WEIGHT_ROUNDING));
         }
         let dq = if self.field.constant_gradients() { &self.dq0 } else { &self.dq1 };
         let noise = match w {
@@ -300,16 +308,25 @@ impl Engine {
             }
             _ => 64.0 * EPS * w.scale(dq, &self.field, self.step.t, &self.step.x1).value,
         };
-        let samples = &mut self.samples[l];
-        if samples.iter().all(|v| v.abs() <= noise) {
-            return true;
+        let noise = noise.max(self.level_at_start(l));
+        if self.samples[l].iter().all(|v| v.abs() <= noise) {
+            return Ok(true);
         }
+        if matches!(w, Watch::Guard { .. }) && self.field.n_alg() > 0 {
+            // what a sliding mode leaves of a velocity moves it by as little in every step, however many there are
+            let drift = noise + self.step.h * self.rate_noise(&w)?;
+            let base = if self.depart[l] == 1 { 0.0 } else { self.w0[l] };
+            if self.samples[l].iter().skip(1).all(|v| (v - base).abs() <= drift) {
+                return Ok(true);
+            }
+        }
+        let samples = &mut self.samples[l];
         for (v, s) in samples.iter_mut().zip(&self.sampler.nodes).skip(1) {
             if *v <= 0.0 && *v >= -noise {
                 *v = noise * s.powi(i32::from(self.depart[l]));
             }
         }
-        false
+        Ok(false)
     }
 
     /// A watched function touches zero at relative time `s`.

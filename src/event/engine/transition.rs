@@ -109,7 +109,7 @@ impl Engine {
                 let v = self.field.q[a] - if s.signs { 0.0 } else { least };
                 // other controls or parameters may have put a surface elsewhere
                 self.zero[a] &= (self.field.q[a] - self.q0[a]).abs() <= tol;
-                self.zero[a] |= v.abs() <= tol;
+                self.zero[a] |= v.abs() <= tol.max(self.levels[a]);
                 if v == 0.0 {
                     active = active.min(j);
                 }
@@ -313,11 +313,15 @@ impl Engine {
                 self.depart[l] = self.contact_departs(w, value);
                 continue;
             }
+            if value.abs() <= self.level(&w) {
+                self.depart[l] = 2;
+                continue;
+            }
             let (scale, rate) = w.scale_and_rate(&self.dq0, &self.field, (t, &self.x), &self.f);
             if value <= 64.0 * EPS * scale.value || value <= 8.0 * EPS * rate.abs() * t.abs() {
                 // fast enough for a zero of order one: compared with the states moving by their sizes
                 let rises = match w {
-                    Watch::Guard { .. } => w.rises(&self.dq0, &self.field, &self.f),
+                    Watch::Guard { .. } => w.rises(&self.dq0, &self.field, &self.f) && rate > self.rate_noise(&w)?,
                     _ => {
                         let pace = *pace.get_or_insert_with(|| self.field.pace(&self.x, &self.f));
                         rate > 1e-9 * scale.reach * pace || self.rises_slowly(&w, rate, &scale, pace)?
@@ -367,6 +371,7 @@ impl Engine {
     /// Switches at the present point, where watch `l` vanishes.
     pub(super) fn switch(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
         self.note_late(l);
+        self.note_levels(l);
         match self.watches[l] {
             Watch::Guard { .. } => return self.jump(l, slope, grown),
             Watch::Contact { .. } => return self.contact_event(l, slope, grown),
@@ -537,10 +542,13 @@ impl Engine {
                         let size = self.f.iter().map(|v| v * v).sum::<f64>().sqrt();
                         rate = r;
                         cosine = r / (w.steepness(&self.field.dq, &self.field) * size);
-                        grazing = r.abs() < 1e-6 * scale.reach * self.field.pace(&self.x, &self.f);
+                        grazing = match &self.flat {
+                            Some(flat) => flat.coarse,
+                            None => r.abs() < 1e-6 * scale.reach * self.field.pace(&self.x, &self.f),
+                        };
                     }
                     let near = 64.0 * EPS * scale.value + 8.0 * EPS * r.abs() * t.abs().max(self.step.h);
-                    if m == l || v.abs() <= near {
+                    if m == l || v.abs() <= near.max(self.level(&w)) {
                         self.zero[a] = true;
                         if let Some(b) = b {
                             self.zero[b] = true;
@@ -573,7 +581,8 @@ impl Engine {
             }
         } else {
             let crossed = match self.watches[l] {
-                Watch::Enter { a, b: None, .. } => Some((a, rate)),
+                // the rate of a zero of higher order says nothing about the next one
+                Watch::Enter { a, b: None, .. } if self.flat.is_none() => Some((a, rate)),
                 _ => None,
             };
             let source = self.source(&self.watches[l]);

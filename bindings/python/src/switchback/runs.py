@@ -157,7 +157,7 @@ class Run(Hints, Recorded, Handle):
     switches           in the order of time, a list of `Event`
     jumps              the transitions in the order of time, a list of `Jump`
     outcome, success   how it ended; did it reach its time?
-    reason             why it ended early, in words
+    reason             why it ended early, in words; if it did not, what is not known to the tolerances, or ""
     stats              work
     n_modes            numbers of modes of the subsystems that can switch
     dx_dx0, dx_dp, dx_du   derivatives of the state reached, [nx, nx], [nx, np], [nx, nu], or None; with
