@@ -191,3 +191,30 @@ def test_surfaces_of_time_alone(seed):
         np.testing.assert_allclose(run.x_end, want, atol=1e-8)
         np.testing.assert_allclose(run.dx_dx0, np.exp(-rate * end), rtol=1e-7)
         assert run.stats.accumulations == 0
+
+
+# --- many surfaces that slide -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_many_rooms_that_slide_are_no_accumulation(seed):
+    """Rooms that relays keep at their temperatures, and lose them in the heat of the day: each slides when and as long as it does with others at
+    tight tolerances."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(20, 60))
+    loss, power, wanted = 1 + 0.2 * rng.uniform(size=n), 9 + rng.uniform(size=n), 20 + 0.4 * rng.uniform(size=n)
+    m = Model(n)
+    x = list(m.x)
+    flow = [0 * x[0]] * n
+    for i in range(n - 1):
+        between = 0.5 * (x[i + 1] - x[i])
+        flow[i], flow[i + 1] = flow[i] + between, flow[i + 1] - between
+    outside = 8 + 10 * swb.sin(1.3 * m.t)
+    m.derivatives = [loss[i] * (outside - x[i]) + flow[i] + power[i] * (1 - swb.sign(x[i] - wanted[i])) for i in range(n)]
+    starts = 18 + 2 * np.sin(2.1 * np.arange(n))
+    runs = [swb.simulate(m, starts, 6.0, rtol=tol, atol=1e-2 * tol) for tol in (1e-4, 1e-9)]
+    coarse, fine = runs
+    assert coarse.success and coarse.stats.accumulations == 0, coarse.reason
+    assert len(coarse.switches) == len(fine.switches)
+    assert coarse.stats.steps < 100 + 3 * len(coarse.switches)
+    np.testing.assert_allclose(coarse.x_end, fine.x_end, atol=0.05)
