@@ -15,8 +15,12 @@ use crate::qp::{Condensing, QpSolution, QpSolver, QpStatus, Terms};
 use crate::stop;
 use std::time::{Duration, Instant};
 
-/// Price of violations where rows cannot all be met, in units of the largest multiplier.
+/// Price of violations where rows cannot all be met, in units of what it costs to meet them one by one. With `Δ` the cost that the least
+/// violations have, the sum of violations exceeds the least by at most `Δ` over the price: where rows are met like single ones, by a
+/// thousandth of what the solution without constraints violates.
 const ELASTIC: f64 = 1e3;
+/// A price stays as it is while the one that is asked for differs by no more than this factor.
+const APART: f64 = 10.0;
 /// Share of the predicted descent that a step of [`Nmpc::initialise`] must make (Armijo).
 const ARMIJO: f64 = 1e-4;
 /// Halvings of a step at most.
@@ -26,6 +30,8 @@ const HALVINGS: usize = 12;
 const DISTURBED: f64 = 0.01;
 /// By how many times the inner iterations are more then: the plan is for another state.
 const EFFORT: usize = 4;
+/// Frozen matrices that leave more than this share of a step behind it are made anew.
+const CONTRACTS: f64 = 0.5;
 /// [`Nmpc::initialise`] has converged where a step is below this share of the size of states and controls.
 const CONVERGED: f64 = 1e-10;
 
@@ -90,6 +96,17 @@ pub struct Nmpc {
     largest: f64,
     shock: f64,
     scale: Vec<f64>,
+    /// Sizes of states and controls that bounds and the first guess say.
+    sizes: Vec<f64>,
+    /// Room for the law of the program, for sizes of rounding, and for vectors of a stage.
+    law: Vec<f64>,
+    floors: Vec<f64>,
+    work: Vec<f64>,
+    /// The iterate is what a step of the present program led to.
+    stepped: bool,
+    /// The last program had rows that could not all be met; the price per unit of their violation, zero where none is known.
+    violating: bool,
+    price: f64,
     start: [Vec<f64>; 2],
     next: Vec<f64>,
     /// For systems that switch.
@@ -143,6 +160,13 @@ impl Nmpc {
             largest: 0.0,
             shock: 0.0,
             scale: vec![1.0; nx + nu],
+            sizes: vec![0.0; nx + nu],
+            law: vec![0.0; n * nu * nx],
+            floors: vec![0.0; nx + nu],
+            work: vec![0.0; 2 * nx + nu],
+            stepped: false,
+            violating: false,
+            price: 0.0,
             start: [vec![0.0; (n + 1) * nx], vec![0.0; n * nu]],
             next: vec![0.0; n * nx],
             branches,
@@ -150,6 +174,7 @@ impl Nmpc {
             model,
         };
         c.take_guess(ocp);
+        c.take_sizes(ocp);
         c.reset();
         Ok(c)
     }
@@ -177,6 +202,23 @@ impl Nmpc {
                 self.start[1][k * nu + i] = u.max(self.model.u_lower[i]).min(self.model.u_upper[i]);
             }
         }
+    }
+
+    /// Sizes that do not depend on where the system is: a controller may start at rest, where states and controls are zero.
+    fn take_sizes(&mut self, ocp: &Ocp) {
+        let s = ocp.statement();
+        let (nx, nu) = (self.nx(), self.nu());
+        let (of_x, of_u) = self.sizes.split_at_mut(nx);
+        let see = |sizes: &mut [f64], values: &[f64]| {
+            for (i, v) in values.iter().enumerate().filter(|e| e.1.is_finite()) {
+                let n = sizes.len();
+                sizes[i % n] = sizes[i % n].max(v.abs());
+            }
+        };
+        s.x_bounds.iter().for_each(|b| see(of_x, &b[..nx]));
+        s.u_bounds.iter().for_each(|b| see(of_u, &b[..nu]));
+        see(of_x, &self.start[0]);
+        see(of_u, &self.start[1]);
     }
 
     /// Number of stages.
@@ -359,6 +401,9 @@ impl Nmpc {
         self.has_prediction = false;
         self.largest = 0.0;
         self.shock = 0.0;
+        self.stepped = false;
+        self.violating = false;
+        self.price = 0.0;
         self.lin.reset();
         if let Some(b) = &mut self.branches {
             b.forget();
@@ -380,6 +425,7 @@ impl Nmpc {
                 self.lin.advance(&self.step, 1.0, &mut self.other);
                 if self.other.x.iter().chain(&self.other.lambda).all(|v| v.is_finite()) {
                     std::mem::swap(&mut self.iterate, &mut self.other);
+                    self.stepped = true;
                     // the plan begins at the last sample
                     self.entry = 1;
                 } else {
@@ -444,13 +490,40 @@ impl Nmpc {
         };
         let outcome = match (self.options.scheme, self.options.level) {
             (Scheme::Mli, Level::A) if self.lin.is_ready() => Ok(()),
-            (Scheme::Mli, level @ (Level::B | Level::C)) if self.lin.is_ready() => {
-                self.lin.refresh(&mut self.model, &self.iterate, level == Level::C)
-            }
+            (Scheme::Mli, Level::B | Level::C) if self.lin.is_ready() => self.follow(),
             _ => self.lin.linearise(&mut self.model, &self.iterate),
         };
         self.note(outcome)?;
         Ok(inner)
+    }
+
+    /// An iteration of level B or C. Its values say how well the frozen matrices predicted the last step: where they leave more of it than
+    /// [`CONTRACTS`] they are made anew.
+    fn follow(&mut self) -> std::result::Result<(), EvalError> {
+        self.lin.refresh(&mut self.model, &self.iterate, self.options.level == Level::C)?;
+        if !std::mem::take(&mut self.stepped) || !self.lin.gains(&mut self.law) {
+            return Ok(());
+        }
+        self.measure_scale();
+        let (nx, scale) = (self.nx(), &self.scale);
+        let s = &self.step.solution;
+        let size =
+            |v: &[f64], scale: &[f64]| v.iter().zip(scale.iter().cycle()).fold(0.0f64, |m, (v, s)| m.max(v.abs() / s));
+        let made = size(&s.x, &scale[..nx]).max(size(&s.u, &scale[nx..]));
+        if made <= self.options.tol {
+            return Ok(());
+        }
+        let stages = self.n() - usize::from(self.options.shift);
+        let kappa = self.lin.mismatch(&self.law, stages, scale, &mut self.work) / made;
+        (self.monitor.kappa, self.monitor.step) = (kappa, made);
+        if kappa <= CONTRACTS {
+            return Ok(());
+        }
+        match self.lin.linearise(&mut self.model, &self.iterate) {
+            // the matrices that are there have values at this point
+            Err(EvalError::Recoverable) => Ok(()),
+            outcome => outcome,
+        }
     }
 
     /// The plan and its alternatives, simulated from the predicted state; the iterations made on the plan.
@@ -527,8 +600,7 @@ impl Nmpc {
                 return Ok(done);
             }
             // both iterates are there: the step is their difference
-            self.measure_scale();
-            let size = self.iterate.distance(&self.other, &self.scale, self.model.nodes.nx, self.model.nodes.nu);
+            let size = self.distance();
             contraction.see(size, &mut self.monitor);
             // a solution for its own sake ends by its steps, a point to linearise at by what is left
             let left = if asc { size } else { contraction.left(size) };
@@ -541,17 +613,10 @@ impl Nmpc {
 
     /// The quadratic program with the predicted state; its step leads from the linearisation's own point.
     fn inner_step(&mut self) -> bool {
-        let status = self.lin.solve(&self.predicted, &Terms::default());
-        self.count_qp();
-        let status = match status {
-            QpStatus::Infeasible => {
-                let terms = Terms { deadline: None, elastic: Some(self.elastic_price()) };
-                self.count_qp();
-                self.lin.solve(&self.predicted, &terms)
-            }
-            s => s,
-        };
-        if status != QpStatus::Solved {
+        let x = std::mem::take(&mut self.predicted);
+        let (status, violated) = self.solve_program(&x, None, &mut 0);
+        self.predicted = x;
+        if status != QpStatus::Solved && !(violated && status == QpStatus::Infeasible) {
             return false;
         }
         self.lin.step(&mut self.step);
@@ -570,10 +635,44 @@ impl Nmpc {
         self.monitor.qp_iterations += self.lin.qp_iterations() as u64;
     }
 
-    /// The size of every state and control over the horizon of the iterate.
+    /// How far the two iterates are apart, relative to the size of states and controls; zero where that is rounding.
+    fn distance(&mut self) -> f64 {
+        self.measure_scale();
+        let (nx, nu) = (self.model.nodes.nx, self.model.nodes.nu);
+        let size = self.iterate.distance(&self.other, &self.scale, nx, nu);
+        if size > self.options.tol.min(CONVERGED) && self.is_rounding() {
+            return 0.0;
+        }
+        size
+    }
+
+    /// Are the two iterates apart by no more than rounding? Controls at rest are differences of terms that cancel: what they are relative
+    /// to themselves says nothing.
+    fn is_rounding(&mut self) -> bool {
+        let nx = self.model.nodes.nx;
+        let largest = |v: &[f64]| v.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let way = self.iterate.x.iter().zip(&self.other.x).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        // without a look at the matrices where states move
+        if way > f64::EPSILON.sqrt() * largest(&self.iterate.x) || !self.lin.gains(&mut self.law) {
+            return false;
+        }
+        self.lin.rounding(&self.iterate, &self.law, &mut self.floors);
+        let within = |a: &[f64], b: &[f64], floors: &[f64]| {
+            a.iter().zip(b).zip(floors.iter().cycle()).all(|((a, b), floor)| (a - b).abs() <= *floor)
+        };
+        let (of_x, of_u) = self.floors.split_at(nx);
+        within(&self.iterate.x, &self.other.x, of_x) && within(&self.iterate.u, &self.other.u, of_u)
+    }
+
+    /// The size of every state and control: what it is over the horizon of the iterate, what bounds and guess say, and for a
+    /// state what a control of that size does to it in a stage.
     fn measure_scale(&mut self) {
         let (nx, nu) = (self.model.nodes.nx, self.model.nodes.nu);
-        self.scale.fill(0.0);
+        self.scale.copy_from_slice(&self.sizes);
+        for (e, b) in self.lin.qp.b.iter().enumerate().filter(|e| e.1.is_finite()) {
+            let (i, j) = (e % nx, e / nx % nu);
+            self.scale[i] = self.scale[i].max(b.abs() * self.sizes[nx + j]);
+        }
         for (i, v) in self.iterate.x.iter().enumerate() {
             self.scale[i % nx] = self.scale[i % nx].max(v.abs());
         }
@@ -592,10 +691,25 @@ impl Nmpc {
         if self.options.elastic_price > 0.0 {
             return self.options.elastic_price;
         }
+        if self.price > 0.0 {
+            return self.price;
+        }
+        // no row has been met with that controls move: the cost has no other scale
         let largest = |v: &[f64]| v.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        let multipliers = largest(&self.iterate.row_mu).max(largest(&self.iterate.lambda));
         let gradient = largest(&self.lin.qp.grad_x).max(largest(&self.lin.qp.grad_u));
-        ELASTIC * if multipliers > 0.0 { multipliers } else { gradient.max(1.0) }
+        ELASTIC * if gradient > 0.0 { gradient } else { 1.0 }
+    }
+
+    /// Takes the price that the last program asks for where the one that is there is off by more than [`APART`]: every other price makes
+    /// active rows begin anew. Is it a higher one?
+    fn adapt_price(&mut self) -> bool {
+        let asked = ELASTIC * self.lin.cost_of_rows();
+        if asked == 0.0 || !asked.is_finite() || (asked <= APART * self.price && self.price <= APART * asked) {
+            return false;
+        }
+        let more = asked > self.price;
+        self.price = asked;
+        more && self.options.elastic_price == 0.0
     }
 
     /// The control `u0[nu]` for a measured state `x[nx]`. There always is one, and [`Feedback::source`] says where it comes from.
@@ -693,19 +807,8 @@ impl Nmpc {
         deadline: Option<Instant>,
         iterations: &mut usize,
     ) -> (QpStatus, Source) {
-        let mut status = self.lin.solve(x, &Terms { deadline, elastic: None });
-        *iterations = self.lin.qp_iterations();
-        self.count_qp();
-        let mut source = Source::Qp;
-        if status == QpStatus::Infeasible {
-            let soft = self.lin.solve(x, &Terms { deadline, elastic: Some(self.elastic_price()) });
-            *iterations += self.lin.qp_iterations();
-            self.count_qp();
-            source = Source::SoftQp;
-            if soft != QpStatus::Solved {
-                status = soft;
-            }
-        }
+        let (mut status, violated) = self.solve_program(x, deadline, iterations);
+        let mut source = if violated { Source::SoftQp } else { Source::Qp };
         match status {
             QpStatus::Solved | QpStatus::Infeasible => self.lin.first_control(u0),
             QpStatus::OutOfTime => {
@@ -727,6 +830,33 @@ impl Nmpc {
             source = Source::Plan;
         }
         (status, source)
+    }
+
+    /// The program, with rows that may be violated at a price where they cannot all be met; says whether some are.
+    ///
+    /// Where rows were violated at the last sample the program with prices comes first. Its penalties are exact (S.-P. Han, O. L. Mangasarian,
+    /// *Exact penalty functions in nonlinear programming*, 1979): without violations its solution is that of the program without prices.
+    fn solve_program(&mut self, x: &[f64], deadline: Option<Instant>, iterations: &mut usize) -> (QpStatus, bool) {
+        if !self.violating {
+            let status = self.solve_counted(x, Terms { deadline, elastic: None }, iterations);
+            if matches!(status, QpStatus::Solved | QpStatus::OutOfTime) || !self.lin.is_ready() {
+                return (status, false);
+            }
+            self.adapt_price();
+        }
+        let mut status = self.solve_counted(x, Terms { deadline, elastic: Some(self.elastic_price()) }, iterations);
+        if status == QpStatus::Solved && self.adapt_price() {
+            status = self.solve_counted(x, Terms { deadline, elastic: Some(self.elastic_price()) }, iterations);
+        }
+        self.violating = status != QpStatus::Solved || self.lin.violates();
+        (if self.violating && status == QpStatus::Solved { QpStatus::Infeasible } else { status }, self.violating)
+    }
+
+    fn solve_counted(&mut self, x: &[f64], terms: Terms, iterations: &mut usize) -> QpStatus {
+        let status = self.lin.solve(x, &terms);
+        *iterations += self.lin.qp_iterations();
+        self.count_qp();
+        status
     }
 
     /// Takes an alternative to the plan where that is cheaper.
@@ -797,8 +927,7 @@ impl Nmpc {
             }
             self.predicted.copy_from_slice(x0);
             let t = self.damped_step(&mut penalty)?;
-            self.measure_scale();
-            let size = self.iterate.distance(&self.other, &self.scale, nx, self.model.nodes.nu);
+            let size = self.distance();
             if t == 1.0 && size <= CONVERGED {
                 // the plan begins at the sample to come
                 self.entry = 0;
@@ -829,12 +958,10 @@ impl Nmpc {
 
     /// One step with the share of it that decreases cost plus violations; `other` is the point before.
     fn damped_step(&mut self, penalty: &mut f64) -> Result<f64> {
-        let mut status = self.lin.solve(&self.predicted, &Terms::default());
-        if status == QpStatus::Infeasible {
-            let terms = Terms { deadline: None, elastic: Some(self.elastic_price()) };
-            status = self.lin.solve(&self.predicted, &terms);
-        }
-        if status != QpStatus::Solved {
+        let x = std::mem::take(&mut self.predicted);
+        let (status, violated) = self.solve_program(&x, None, &mut 0);
+        self.predicted = x;
+        if status != QpStatus::Solved && !(violated && status == QpStatus::Infeasible) {
             return Err(Error::Numeric("a quadratic program has no solution: give another guess".into()));
         }
         self.lin.step(&mut self.step);
@@ -849,6 +976,11 @@ impl Nmpc {
         let descent = along - *penalty * violation;
         let before = cost + *penalty * violation;
         let mut t = 1.0;
+        self.lin.advance(&self.step, t, &mut self.iterate);
+        if self.is_rounding() {
+            // no digit of the cost knows of it
+            return Ok(t);
+        }
         for _ in 0..HALVINGS {
             self.lin.advance(&self.step, t, &mut self.iterate);
             if let Some([cost, violation]) = self.merit()? {

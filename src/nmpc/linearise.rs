@@ -7,11 +7,16 @@ use super::nodes::Nodes;
 use super::quasi_newton::BlockUpdates;
 use super::stage::{Evaluations, Stage, Starts};
 use crate::func::EvalResult;
-use crate::linalg::dense::{gemv_transposed, mirror_eigenvalues, Left};
+use crate::linalg::dense::{dot, gemv, gemv_transposed, mirror_eigenvalues, Left};
 use crate::qp::{QpSolution, QpSolver, QpStatus, StageQp, Terms};
 
 /// Eigenvalues of a Hessian block are at least this share of its largest entry where it had to be made convex.
 const CONVEX: f64 = 1e-8;
+/// A proximal term of controls that move nothing is this share of the largest curvature that they have in the horizon: small beside it, and
+/// large beside its rounding.
+const HELD: f64 = 1e-8;
+/// Share of their size up to which steps are rounding: a few hundred operations.
+const ROUNDING: f64 = 256.0 * f64::EPSILON;
 
 /// Where the Hessian of the program comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -228,7 +233,51 @@ impl Linearisation {
             updates.write(&mut self.qp);
         }
         self.ready = self.solver.prepare(&self.qp);
+        if !self.ready {
+            self.hold_free_controls();
+            self.ready = self.solver.prepare(&self.qp);
+        }
         Ok(())
+    }
+
+    /// Where controls move nothing that has a price, the program has no unique solution: a proximal term, small beside what these controls
+    /// cost elsewhere in the horizon, makes the solution the one that moves them least. It is one of the step, not of the control: where
+    /// iterations end they end at a solution of the problem as it is.
+    fn hold_free_controls(&mut self) {
+        let (n, nx, nu) = (self.qp.n, self.qp.nx, self.qp.nu);
+        // V = Q + Aᵀ V A without feedback: R + Bᵀ V B are blocks of the Hessian in all controls
+        let largest = &mut self.row[..nu];
+        let (value, rest) = self.work.split_at_mut(nx * nx);
+        let (product, rest) = rest.split_at_mut(nx * nx);
+        let column = &mut rest[..nx];
+        value.copy_from_slice(&self.qp.hess_x[n * nx * nx..]);
+        largest.fill(0.0);
+        let times = |value: &[f64], by: &[f64], out: &mut [f64]| {
+            out.fill(0.0);
+            gemv(nx, nx, Left { v: value, ld: nx }, by, out);
+        };
+        for k in (0..n).rev() {
+            for (j, b) in self.qp.b[k * nx * nu..(k + 1) * nx * nu].chunks_exact(nx).enumerate() {
+                times(value, b, column);
+                largest[j] = largest[j].max(self.qp.hess_u[k * nu * nu + j * (nu + 1)] + dot(b, column));
+            }
+            for (a, out) in self.qp.a[k * nx * nx..].chunks_exact(nx).take(nx).zip(product.chunks_exact_mut(nx)) {
+                times(value, a, out);
+            }
+            value.copy_from_slice(&self.qp.hess_x[k * nx * nx..(k + 1) * nx * nx]);
+            for (product, out) in product.chunks_exact(nx).zip(value.chunks_exact_mut(nx)) {
+                gemv_transposed(nx, nx, self.qp.a(k), product, out);
+            }
+        }
+        for k in 0..n {
+            for (j, size) in self.row[..nu].iter().enumerate() {
+                // what moves nothing anywhere stays where it is, whatever its curvature
+                let size = if *size > 0.0 { HELD * size } else { 1.0 };
+                self.qp.hess_u[k * nu * nu + j * (nu + 1)] += size;
+            }
+        }
+        // it is written anew at the next point
+        self.hessian_of = None;
     }
 
     /// All functions at a point; nothing of the program changes.
@@ -365,6 +414,61 @@ impl Linearisation {
         Ok(())
     }
 
+    /// By how much the values of the dynamics at the point of the program, behind a step of length one that its frozen matrices gave, are
+    /// off: the size of the correction that they ask for, followed with the feedback `gain` of the program, relative to the scale of states and
+    /// controls. Without the last stage, where the point has been shifted: what is there repeats the one before. `work[2 nx + nu]`.
+    pub fn mismatch(&self, gain: &[f64], stages: usize, scale: &[f64], work: &mut [f64]) -> f64 {
+        let (nx, nu) = (self.qp.nx, self.qp.nu);
+        let (own, rest) = work.split_at_mut(nx);
+        let (next, u) = rest.split_at_mut(nx);
+        own.fill(0.0);
+        let mut largest = 0.0f64;
+        for k in 0..stages {
+            u.fill(0.0);
+            gemv(nu, nx, Left { v: &gain[k * nu * nx..], ld: nu }, own, u);
+            self.qp.step(k, own, u, next);
+            own.copy_from_slice(next);
+            let all = own.iter().chain(&*u).zip(scale);
+            // NaN counts
+            largest = all.fold(largest, |m, (v, s)| if v.abs() / s <= m { m } else { v.abs() / s });
+        }
+        largest
+    }
+
+    /// Up to which size steps are rounding, `out[nx + nu]`: of states that of the terms of the dynamics, of controls what the feedback
+    /// `gain` of the program makes of that, each the largest of the horizon. A controller at rest has controls that are nothing else.
+    pub fn rounding(&self, at: &Iterate, gain: &[f64], out: &mut [f64]) {
+        let (n, nx, nu) = (self.qp.n, self.qp.nx, self.qp.nu);
+        let (of_x, of_u) = out.split_at_mut(nx);
+        of_x.iter_mut()
+            .enumerate()
+            .for_each(|(i, f)| *f = at.x.iter().skip(i).step_by(nx).fold(0.0, |m, v| v.abs().max(m)));
+        of_u.iter_mut()
+            .enumerate()
+            .for_each(|(j, f)| *f = at.u.iter().skip(j).step_by(nu).fold(0.0, |m, v| v.abs().max(m)));
+        for k in 0..n {
+            let (x, u) = (&at.x[k * nx..(k + 1) * nx], &at.u[k * nu..(k + 1) * nu]);
+            for (i, f) in of_x.iter_mut().enumerate() {
+                let terms = |m: &[f64], by: &[f64]| -> f64 {
+                    by.iter().enumerate().map(|(j, v)| (m[i + j * nx] * v).abs()).sum()
+                };
+                *f = f.max(terms(&self.qp.a[k * nx * nx..], x) + terms(&self.qp.b[k * nx * nu..], u));
+            }
+        }
+        for k in 0..n {
+            for (j, f) in of_u.iter_mut().enumerate() {
+                let gain = &gain[k * nu * nx..(k + 1) * nu * nx];
+                *f = f.max(of_x.iter().enumerate().map(|(i, x)| gain[j + i * nu].abs() * x).sum());
+            }
+        }
+        for b in self.qp.b.chunks_exact(nx * nu) {
+            for (i, f) in of_x.iter_mut().enumerate() {
+                *f = f.max(of_u.iter().enumerate().map(|(j, u)| b[i + j * nx].abs() * u).sum());
+            }
+        }
+        out.iter_mut().for_each(|f| *f *= ROUNDING);
+    }
+
     /// Brings references `y` of least-squares term `k` into the program: its gradient changes, nothing else. Returns the change of the
     /// cost of the point. The references of the model are still the old ones.
     pub fn embed_references(
@@ -486,6 +590,16 @@ impl Linearisation {
     pub fn first_control(&self, u0: &mut [f64]) {
         let own = self.point.u.iter().zip(self.solver.controls()).zip(&self.held_u);
         u0.iter_mut().zip(own).for_each(|(u, ((point, step), held))| *u = point + step - held);
+    }
+
+    /// What it costs to meet rows one by one, per unit of violation: the scale of prices.
+    pub fn cost_of_rows(&self) -> f64 {
+        self.solver.cost_of_rows(&self.qp)
+    }
+
+    /// Does the last solution violate rows that have no price of their own?
+    pub fn violates(&self) -> bool {
+        self.solver.violates(&self.qp)
     }
 
     /// By how much the controls of every stage, `[n · nu · nx]`, follow a change of its state where no constraint is active; false where

@@ -450,19 +450,10 @@ impl QpSolver for Condensing {
             return QpStatus::Failed;
         }
         self.at(x0);
-        let ill_conditioned = self.condition > BAD;
         let free = std::mem::take(&mut self.v_now);
+        let ill_conditioned = self.condition > BAD;
         let (inverse, active_set, mut rows) = self.dense(qp);
-        let program = Program {
-            inverse,
-            free: &free,
-            lower: &qp.u_lower,
-            upper: &qp.u_upper,
-            row_lower: &qp.row_lower,
-            row_upper: &qp.row_upper,
-            rows: &qp.rows,
-            ill_conditioned,
-        };
+        let program = Program::new(qp, inverse, &free, ill_conditioned);
         let status = active_set.solve(&program, &mut rows, terms);
         self.v_now = free;
         status
@@ -495,6 +486,15 @@ impl QpSolver for Condensing {
             transpose(nx, nu, Left { v: from, ld: nx }, to);
         }
         self.ready
+    }
+
+    fn cost_of_rows(&self, qp: &StageQp) -> f64 {
+        let program = Program::new(qp, &self.inverse, &self.v_now, self.condition > BAD);
+        self.active_set.cost_of_rows(&program)
+    }
+
+    fn violates(&self, qp: &StageQp) -> bool {
+        self.active_set.violates(&qp.rows)
     }
 
     fn iterations(&self) -> usize {

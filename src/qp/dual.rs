@@ -14,7 +14,7 @@
 //! A row that may be violated by `s` at the price `p s + q s²` has `λ = p + 2 q s`: up to `p` it is an ordinary one,
 //! beyond it `1/(2q)` is added to its diagonal entry ("shifted"), or, where `q = 0`, its multiplier stays at `p` ("capped").
 
-use super::{QpStatus, Row, Terms};
+use super::{QpStatus, Row, StageQp, Terms};
 use crate::linalg::dense::{axpy, dot, gemv, Left};
 
 /// A row counts as violated beyond this share of the size of its terms.
@@ -77,6 +77,22 @@ pub(super) struct Program<'a> {
     pub rows: &'a [Row],
     /// The solution has to be corrected at the end.
     pub ill_conditioned: bool,
+}
+
+impl<'a> Program<'a> {
+    /// That of stages with this inverse and this solution without constraints.
+    pub fn new(qp: &'a StageQp, inverse: &'a [f64], free: &'a [f64], ill_conditioned: bool) -> Program<'a> {
+        Program {
+            inverse,
+            free,
+            lower: &qp.u_lower,
+            upper: &qp.u_upper,
+            row_lower: &qp.row_lower,
+            row_upper: &qp.row_upper,
+            rows: &qp.rows,
+            ill_conditioned,
+        }
+    }
 }
 
 /// The method with its memory and its guess of the active set. Constraints are numbered bounds first.
@@ -168,6 +184,37 @@ impl DualActiveSet {
 
     pub fn iterations(&self) -> usize {
         self.iterations
+    }
+
+    /// Is a row beyond its price that has none of its own?
+    pub fn violates(&self, rows: &[Row]) -> bool {
+        let beyond = |s: &State| matches!(s, State::Shifted | State::Capped);
+        self.state[self.n..].iter().zip(rows).any(|(s, row)| row.price.is_none() && beyond(s))
+    }
+
+    /// Cost per unit of violation: what it costs to meet every row without a price of its own by itself, `½ v_i²/(a_iᵀ P a_i)` for a row
+    /// that the solution without constraints, `q.free`, violates by `v_i` (or by more than bounds of controls let it move, which then
+    /// counts), in sum, over the sum of these violations. Of the rows that the last solution met with; zero where controls move none of them.
+    pub fn cost_of_rows(&self, q: &Program) -> f64 {
+        let (mut cost, mut sum) = (0.0, 0.0);
+        for r in (0..self.n_rows).filter(|r| self.formed[*r] && q.rows[*r].price.is_none()) {
+            let (a, pa) = (&self.a[r * self.n..(r + 1) * self.n], &self.pa[r * self.n..(r + 1) * self.n]);
+            let (value, lower, upper) = (dot(a, q.free) + self.offset[r], q.row_lower[r], q.row_upper[r]);
+            let (beyond, bound) = if value > upper { (value - upper, upper) } else { (lower - value, lower) };
+            let terms = a.iter().zip(q.lower.iter().zip(q.upper)).filter(|e| *e.0 != 0.0);
+            let reach: f64 = terms.map(|(a, (l, u))| a.abs() * (u - l)).sum();
+            let own = dot(a, pa);
+            if beyond > 0.0 && own > 0.0 && reach > self.tolerance * (value.abs() + bound.abs()) {
+                let v = beyond.min(reach);
+                cost += 0.5 * v * v / own;
+                sum += v;
+            }
+        }
+        if sum > 0.0 {
+            cost / sum
+        } else {
+            0.0
+        }
     }
 
     pub fn multipliers(&self, u: &mut [f64], rows: &mut [f64]) {

@@ -72,6 +72,11 @@ pub trait QpSolver: Send {
     /// Feedback gains without constraints: `K_k`, `nu × nx` column-major for every stage, `[n · nu · nx]`, so that the solution of the program
     /// that begins at node `k` moves by `u_k = K_k x_k`. False where nothing is prepared.
     fn gains(&self, out: &mut [f64]) -> bool;
+    /// What it costs to meet rows without a price one by one, per unit of violation, of those that the last [`QpSolver::solve`] met with: the
+    /// scale of prices. Zero where controls move none of them.
+    fn cost_of_rows(&self, qp: &StageQp) -> f64;
+    /// Does the last solution violate rows that have no price of their own?
+    fn violates(&self, qp: &StageQp) -> bool;
     /// Iterations of the last solution.
     fn iterations(&self) -> usize;
     /// Moves the guess of the active set by one stage towards the start.
