@@ -3439,7 +3439,7 @@ typedef struct swb_nmpc_options {
      */
     double deadline;
     /**
-     * Price per unit of violation where constraints cannot all be met; 0: a thousand times the largest multiplier.
+     * Price per unit of violation where constraints cannot all be met; 0: a thousand times the cost of meeting them one by one.
      */
     double elastic_price;
     /**

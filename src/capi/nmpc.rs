@@ -127,7 +127,7 @@ pub struct swb_nmpc_options {
     pub tol: f64,
     /// Seconds that swb_nmpc_feedback may take; infinite for as many as it needs.
     pub deadline: f64,
-    /// Price per unit of violation where constraints cannot all be met; 0: a thousand times the largest multiplier.
+    /// Price per unit of violation where constraints cannot all be met; 0: a thousand times the cost of meeting them one by one.
     pub elastic_price: f64,
     /// Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks; at
     /// most 64.

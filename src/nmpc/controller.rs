@@ -30,7 +30,10 @@ const HALVINGS: usize = 12;
 const DISTURBED: f64 = 0.01;
 /// By how many times the inner iterations are more then: the plan is for another state.
 const EFFORT: usize = 4;
-/// Frozen matrices that leave more than this share of a step behind it are made anew.
+/// Matrices that were frozen are made anew where they contract steps by less than this. By (10.19) an error that is contracted by `κ` from
+/// sample to sample follows the solution, which moves by `d`, at `c₃ d/(1 − κ)` with `c₃ = γ κ`: from `κ = ½` on that is more than
+/// what the solution itself moves, `γ d`; from `κ = 1` on there is no Lyapunov function of system and optimiser (A. Zanelli, Q.
+/// Tran-Dinh, M. Diehl, *A Lyapunov function for the combined system-optimizer dynamics in inexact model predictive control*, 2021).
 const CONTRACTS: f64 = 0.5;
 /// [`Nmpc::initialise`] has converged where a step is below this share of the size of states and controls.
 const CONVERGED: f64 = 1e-10;
@@ -586,10 +589,11 @@ impl Nmpc {
         // another solution of the same program with the same data would be the same
         let most = if self.options.level == Level::A && !asc { self.options.inner.min(1) } else { self.options.inner };
         let mut contraction = Contraction::default();
+        let mut contracts = true;
         for done in 0..most {
             let outcome = match self.options.level {
                 Level::A if !asc => Ok(()),
-                Level::B | Level::C if !asc && self.lin.is_ready() => {
+                Level::B | Level::C if !asc && contracts && self.lin.is_ready() => {
                     self.lin.refresh(&mut self.model, &self.iterate, self.options.level == Level::C)
                 }
                 _ => self.lin.linearise(&mut self.model, &self.iterate),
@@ -602,6 +606,7 @@ impl Nmpc {
             // both iterates are there: the step is their difference
             let size = self.distance();
             contraction.see(size, &mut self.monitor);
+            contracts = contraction.rate().is_none_or(|kappa| kappa <= CONTRACTS);
             // a solution for its own sake ends by its steps, a point to linearise at by what is left
             let left = if asc { size } else { contraction.left(size) };
             if left <= self.options.tol {
@@ -943,9 +948,13 @@ impl Nmpc {
         let failed = self.monitor.failed_linearisations;
         let done = self.search_branches(max_iter, 0.0)?;
         if self.monitor.failed_linearisations > failed || !self.lin.is_ready() {
-            return Err(Error::Numeric(
-                "the plan cannot be simulated from this state, or the problem is not convex: give another guess".into(),
-            ));
+            let why = match self.model.stage.failure() {
+                Some(failure) => failure,
+                None => "functions have no value there, or the problem is not convex",
+            };
+            return Err(Error::Numeric(format!(
+                "there is no linearisation of the plan from this state: {why}; give another guess"
+            )));
         }
         if let Some(b) = &mut self.branches {
             b.take_cheapest(&mut self.lin, &mut self.iterate);

@@ -107,6 +107,11 @@ impl Contraction {
         }
     }
 
+    /// The ratio of the last two steps.
+    pub fn rate(&self) -> Option<f64> {
+        self.ratio.map(|r| r.0)
+    }
+
     /// Another step of this size.
     pub fn see(&mut self, size: f64, monitor: &mut Monitor) {
         monitor.step = size;

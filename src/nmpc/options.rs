@@ -51,7 +51,7 @@ pub enum QpMethod {
 pub enum Source {
     /// The quadratic program.
     Qp = 0,
-    /// The quadratic program with rows that may be violated at a price, since they cannot all be met.
+    /// The quadratic program with rows that may be violated at a price, since they cannot all be met, or only at more than that price.
     SoftQp = 1,
     /// The prepared affine feedback or an unfinished quadratic program, cut off at the bounds of the controls.
     Tangent = 2,
@@ -81,7 +81,7 @@ pub struct Options {
     /// Seconds that [`super::Nmpc::feedback`] may take, infinite for as many as it needs; checked in every iteration of the
     /// quadratic program.
     pub deadline: f64,
-    /// Price per unit of violation where rows cannot all be met; 0: a thousand times the largest multiplier of the iterate.
+    /// Price per unit of violation where rows cannot all be met; 0: a thousand times what it costs to meet them one by one.
     pub elastic_price: f64,
     /// Runge-Kutta family of the predictions; that of the problem's settings without it.
     pub family: Option<Family>,

@@ -1758,7 +1758,7 @@ Options of a controller; swb_nmpc_options_init sets the defaults.
 - `steps`: Steps in every control stage, 0 for as many as the settings have finite elements.
 - `tol`: SWB_NMPC_SCHEME_ASC ends its iterations where states and controls change by less than this share of their size, SWB_NMPC_SCHEME_AS_RTI where they would change by less from then on, by the estimated contraction (10.18).
 - `deadline`: Seconds that swb_nmpc_feedback may take; infinite for as many as it needs.
-- `elastic_price`: Price per unit of violation where constraints cannot all be met; 0: a thousand times the largest multiplier.
+- `elastic_price`: Price per unit of violation where constraints cannot all be met; 0: a thousand times the cost of meeting them one by one.
 - `flips`: Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks; at most 64.
 - `hysteresis`: Systems that switch: an alternative is taken where its predicted cost is lower than that of the plan by more than this share.
 """

@@ -123,6 +123,109 @@ def test_constraints_that_cannot_be_met():
         assert np.abs(c.plan.x[1:, 1]).max() <= 0.2 * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("seed", range(30))
+def test_a_controller_starts_at_rest(seed):
+    """Pendulums at rest up to 0, 1e-9, ..., in any unit, with and without bounds of the control: what is left of steps is rounding."""
+    rng = np.random.default_rng(seed)
+    k, d, angle = rng.uniform(0.5, 4), rng.uniform(0, 0.5), rng.uniform(-2, 2)
+    unit, price = 10.0 ** rng.uniform(-4, 4), 10.0 ** rng.uniform(-4, 0)
+    goal = angle * unit
+    m = swb.Model(states="q v", controls="F")
+    q, v = m.x
+    m.derivatives = [v, unit * (m.u[0] - swb.sin(k * q / unit) + np.sin(k * angle)) - d * v]
+    bounds = {"control_bounds": (-1, 1)} if seed % 2 else {}
+    ocp = swb.Ocp(m, 2.0, int(rng.integers(5, 25)), rk_family="explicit", n_s=4, n_fe=1, **bounds)
+    ocp.add_least_squares(m.function([q, v, m.u[0]]), [1 / unit**2, 0.1 / unit**2, price], [goal, 0, 0])
+    ocp.set_state_guess([0], [[goal, 0]])
+    with swb.Nmpc(ocp) as c:
+        for off in (0.0, 1e-7, 1e-9, 1e-12, 1e-15):
+            c.reset()
+            assert c.initialise([goal * (1 + off), 0.0], 50) <= 6, off
+            # no farther from zero than a law of the size of 1/sqrt(price) takes it
+            assert abs(c.plan.u[0, 0]) <= 1e2 * (off + 1e-14) * (1 + price**-0.5) * max(1, k) * abs(angle), off
+    with swb.Nmpc(ocp, "asc", inner=50) as c:
+        for off in (1e-2, 0.0, 1e-9, 1e-9, 1e-12):
+            x = [goal * (1 + off), 0.0]
+            assert c.prepare(x).inner <= 8, off
+            c.feedback(x)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_controls_without_a_price(seed):
+    """Masses that stick, several at once, with controls that cost nothing and at first move nothing."""
+    rng = np.random.default_rng(seed)
+    n, friction = 1, rng.uniform(0.3, 2)
+    m = swb.Model(states=2 * n, controls=n)
+    q, v, force = m.x[:n], m.x[n:], m.u
+    m.derivatives = [*v, *(force[i] - friction * swb.sign(v[i]) for i in range(n))]
+    ocp = swb.Ocp(m, 1.0, 8, control_bounds=(-4 * friction, 4 * friction), settings={"rtol": 1e-6, "atol": 1e-8})
+    ocp.add_least_squares(m.function([*q, *v]), [2] * n + [0.1] * n, np.zeros(2 * n))
+    ocp.add_least_squares(m.function([*q, *v]), [20] * n + [1] * n, np.zeros(2 * n), at="terminal")
+    x0 = np.concatenate([rng.uniform(0.3, 1, n), np.zeros(n)])
+    with swb.Nmpc(ocp, "as_rti", shift=True) as c:
+        c.initialise(x0)
+        loop = swb.closed_loop(c, m, x0, 10)
+    assert set(loop.sources) == {swb.NmpcSource.QP}
+    assert np.abs(loop.x[-1, :n]).max() < 0.5 * np.abs(x0[:n]).max()
+
+
+def least_violation(a, b, x0, bound, rows, limit, n):
+    """Sum of |x_i| - bound over rows and nodes that no controls can make less: a linear program."""
+    scipy = pytest.importorskip("scipy.optimize")
+    nx, nu = b.shape
+    state, effect, out, rhs = x0.copy(), np.zeros((nx, n * nu)), [], []
+    for k in range(n):
+        state, effect = a @ state, a @ effect
+        effect[:, k * nu : (k + 1) * nu] += b
+        for i in rows:
+            for sign in (1, -1):
+                out.append(sign * effect[i])
+                rhs.append(bound - sign * state[i])
+    cost = np.concatenate([np.zeros(n * nu), np.ones(len(rhs) // 2)])
+    slack = -np.repeat(np.eye(len(rhs) // 2), 2, axis=0)
+    box = [(-limit, limit)] * (n * nu) + [(0, None)] * (len(rhs) // 2)
+    return scipy.linprog(cost, np.hstack([np.array(out), slack]), rhs, bounds=box).fun
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_bounds_that_cannot_be_met_cost_little(seed):
+    """Chains of masses in any unit whose speeds are bounded: violations are the least ones, and the work stays that of a warm start."""
+    rng = np.random.default_rng(seed)
+    n, masses, h = 12, int(rng.integers(1, 4)), 0.2
+    unit, weight = 10.0 ** rng.uniform(-3, 3), 10.0 ** rng.uniform(-3, 3)
+    stiff, limit, bound = rng.uniform(0.5, 5), rng.uniform(0.2, 1), rng.uniform(0.05, 0.4)
+    m = swb.Model(states=2 * masses, controls=1)
+    q, v = m.x[:masses], m.x[masses:]
+    force = [(q[i - 1] if i else 0) - 2 * q[i] + (q[i + 1] if i + 1 < masses else 0) for i in range(masses)]
+    m.derivatives = [*v, *(stiff * f + (unit * m.u[0] if i == masses - 1 else 0) for i, f in enumerate(force))]
+    ocp = swb.Ocp(m, n * h, n, rk_family="explicit", n_s=4, n_fe=1, control_bounds=(-limit, limit))
+    squares = m.function([*(x / unit for x in m.x), m.u[0]])
+    ocp.add_least_squares(squares, [weight] * (2 * masses) + [0.1 * weight], np.zeros(2 * masses + 1))
+    ocp.set_state_bounds([-np.inf] * masses + [-bound * unit] * masses, [np.inf] * masses + [bound * unit] * masses)
+    a = np.zeros((2 * masses, 2 * masses))
+    a[:masses, masses:] = np.eye(masses)
+    a[masses:, :masses] = stiff * (np.eye(masses, k=1) + np.eye(masses, k=-1) - 2 * np.eye(masses))
+    b = np.zeros((2 * masses, 1))
+    b[-1, 0] = 1
+    series = sum(np.linalg.matrix_power(a * h, i) / np.prod(range(1, i + 2)) for i in range(4))
+    a, b = np.eye(2 * masses) + a * h @ series, h * series @ b
+    x0 = np.concatenate([rng.uniform(-1, 1, masses), rng.uniform(-1, 1, masses) * bound * 3])
+    most = 6 * (n + n * masses)
+    with swb.Nmpc(ocp) as c:
+        for k in range(6):
+            x = x0 * (1 + 0.1 * k)
+            assert c.prepare().ready
+            u, info = c.feedback(unit * x)
+            assert info.source in (swb.NmpcSource.QP, swb.NmpcSource.SOFT_QP)
+            assert info.iterations <= most
+            speeds = np.abs(c.plan.x[1:, masses:]) / unit
+            found = np.maximum(speeds - bound, 0).sum()
+            free = np.maximum(np.abs(x[masses:]) - bound, 0).sum() + bound
+            least = least_violation(a, b, x, bound, range(masses, 2 * masses), limit, n)
+            assert found <= least + 1e-2 * (least + free)
+            assert (info.source is swb.NmpcSource.QP) == (found < 1e-7)
+
+
 def test_what_controllers_do_not_know():
     m = swb.Model(states="q", controls="u")
     m.derivatives = [m.u[0] - swb.sign(m.x[0])]

@@ -27,6 +27,7 @@ pub(in super::super) struct EventStage {
     a: Vec<f64>,
     b: Vec<f64>,
     evaluations: Evaluations,
+    failure: Option<String>,
 }
 
 /// An error of a simulation as that of a function: what cannot be simulated has no value.
@@ -37,6 +38,10 @@ fn outcome(done: Result<Outcome>) -> EvalResult {
         Err(Error::User { code, .. }) => Err(EvalError::Fatal(code)),
         Ok(_) | Err(_) => Err(EvalError::Recoverable),
     }
+}
+
+fn stopped(k: usize) -> String {
+    format!("the simulation of stage {k} stops before its end")
 }
 
 fn simulate(engine: &mut Engine, at: &Starts, k: usize, [nx, nu, np]: [usize; 3], next: &mut [f64]) -> EvalResult {
@@ -76,6 +81,7 @@ impl EventStage {
             a: vec![0.0; d.x * d.x],
             b: vec![0.0; d.x * d.u],
             evaluations: Evaluations::default(),
+            failure: None,
         })
     }
 
@@ -86,7 +92,8 @@ impl EventStage {
     /// One stage with derivatives, column-major.
     fn derivatives(&mut self, at: &Starts, k: usize, next: &mut [f64], a: &mut [f64], b: &mut [f64]) -> EvalResult {
         let [nx, nu, np] = self.sizes();
-        simulate(&mut self.engine, at, k, [nx, nu, np], next)?;
+        self.failure = None;
+        simulate(&mut self.engine, at, k, [nx, nu, np], next).inspect_err(|_| self.failure = Some(stopped(k)))?;
         let Some(s) = self.engine.sensitivity() else { return Err(EvalError::Recoverable) };
         for (i, row) in s.chunks_exact(nx + np + nu).enumerate() {
             (0..nx).for_each(|j| a[i + j * nx] = row[j]);
@@ -95,6 +102,8 @@ impl EventStage {
         if a.iter().chain(b.iter()).all(|v| v.is_finite()) {
             Ok(())
         } else {
+            self.failure =
+                Some(format!("stage {k} can be simulated, but derivatives of its end are not finite numbers"));
             Err(EvalError::Recoverable)
         }
     }
@@ -130,7 +139,10 @@ impl Stage for EventStage {
     fn values(&mut self, at: &Starts, next: &mut [f64]) -> EvalResult {
         let sizes = self.sizes();
         self.evaluations.values += 1;
-        next.chunks_exact_mut(self.nx).enumerate().try_for_each(|(k, x)| simulate(&mut self.plain, at, k, sizes, x))
+        let EventStage { plain, failure, nx, .. } = self;
+        *failure = None;
+        let mut stage = |(k, x)| simulate(plain, at, k, sizes, x).inspect_err(|_| *failure = Some(stopped(k)));
+        next.chunks_exact_mut(*nx).enumerate().try_for_each(&mut stage)
     }
 
     fn linearise(
@@ -173,6 +185,10 @@ impl Stage for EventStage {
 
     fn evaluations(&self) -> Evaluations {
         self.evaluations
+    }
+
+    fn failure(&self) -> Option<&str> {
+        self.failure.as_deref()
     }
 
     fn break_away(&self, j: usize) -> Option<[f64; 2]> {

@@ -57,6 +57,10 @@ pub(super) trait Stage: Send {
     fn adjoint(&mut self, at: &Starts, lambda: &[f64], next: &mut [f64], gx: &mut [f64], gu: &mut [f64]) -> EvalResult;
     /// Evaluations so far.
     fn evaluations(&self) -> Evaluations;
+    /// Why the last call had no value, in words, where that is known.
+    fn failure(&self) -> Option<&str> {
+        None
+    }
     /// Where control `j` moved nothing in the last stage of the last [`Stage::linearise`], since the system sticks: the values, below
     /// and above, at which it begins to.
     fn break_away(&self, _j: usize) -> Option<[f64; 2]> {
