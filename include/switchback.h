@@ -915,7 +915,7 @@ enum swb_outcome
      */
     SWB_OUTCOME_STOPPED = 3,
     /**
-     * Converged to a point that minimises the violation of the constraints locally.
+     * There is no point: programs with pairs where all branches show it, others where a point minimises the violation of the constraints.
      */
     SWB_OUTCOME_INFEASIBLE = 4,
     /**
@@ -930,6 +930,10 @@ enum swb_outcome
      * There is no usable point; the call returned an error that says why.
      */
     SWB_OUTCOME_FAILED = 7,
+    /**
+     * Converged to a point that minimises the violation of the constraints locally; whether there is a point elsewhere is not known.
+     */
+    SWB_OUTCOME_LOCALLY_INFEASIBLE = 9,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -119,7 +119,7 @@ fn a_relaxation_is_the_answer_where_no_exact_point_is() {
         assert!(relaxed.residuals.pair_product >= 2.5e-8 && relaxed.residuals.pair_product <= 1e-7);
         assert_ne!(solve(1e-6, settings).outcome, Outcome::Solved);
     }
-    assert_eq!(solve(1e-6, MpccSettings::default()).outcome, Outcome::Infeasible);
+    assert_eq!(solve(1e-6, MpccSettings::default()).outcome, Outcome::LocallyInfeasible);
 }
 
 /// The answer for `n` variables near `wanted`, of which neighbours share a row and one of every second pair of them is zero, which is a

@@ -309,7 +309,8 @@ fn programs_in_other_units_have_the_same_iterates() {
                 assert_eq!(v, unit[1 + row], "{seed} {k:?}");
             }
             // those of the least violation know nothing of the objective
-            let of = if own.outcome == Outcome::Infeasible { 1.0 } else { unit[0] };
+            let of =
+                if matches!(own.outcome, Outcome::Infeasible | Outcome::LocallyInfeasible) { 1.0 } else { unit[0] };
             let y = other.y.iter().zip(&unit[1..]).map(|(y, u)| y * u / of);
             assert!(y.eq(own.y.iter().copied()), "{seed} {k:?}: {:?} {:?}", other.y, own.y);
             assert_eq!(other.certificate.b, own.certificate.b, "{seed} {k:?}");

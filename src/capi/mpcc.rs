@@ -201,7 +201,10 @@ impl Program {
     fn warmth(&mut self, from: From) -> Result<Option<WarmStart>> {
         if from == From::Last {
             let s = &self.result()?.solution;
-            let usable = !matches!(s.outcome, Outcome::Failed | Outcome::Infeasible | Outcome::Diverging);
+            let usable = !matches!(
+                s.outcome,
+                Outcome::Failed | Outcome::Infeasible | Outcome::LocallyInfeasible | Outcome::Diverging
+            );
             return Ok(usable.then(|| WarmStart { x: s.x.clone(), y: s.y.clone(), z: s.z.clone() }));
         }
         let (n, m) = (self.n, self.m);
@@ -290,7 +293,7 @@ impl Program {
         if outcome != Outcome::Solved {
             self.hooks.tell(level, LogLevel::Warning, || self.worst_line());
         }
-        if outcome == Outcome::Infeasible {
+        if matches!(outcome, Outcome::Infeasible | Outcome::LocallyInfeasible) {
             self.hooks.tell(level, LogLevel::Warning, || self.conflict_line());
         }
         Ok(outcome)

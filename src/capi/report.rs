@@ -28,7 +28,7 @@ pub enum swb_outcome {
     MaxTime = 2,
     /// A callback or an interrupt asked to stop; the point is the last iterate.
     Stopped = 3,
-    /// Converged to a point that minimises the violation of the constraints locally.
+    /// There is no point: programs with pairs where all branches show it, others where a point minimises the violation of the constraints.
     Infeasible = 4,
     /// No progress is possible although the tolerance is not reached.
     Stalled = 5,
@@ -36,6 +36,8 @@ pub enum swb_outcome {
     Diverging = 6,
     /// There is no usable point; the call returned an error that says why.
     Failed = 7,
+    /// Converged to a point that minimises the violation of the constraints locally; whether there is a point elsewhere is not known.
+    LocallyInfeasible = 9,
 }
 
 pub(super) const OUTCOMES: &[(Outcome, swb_outcome, &CStr)] = &[
@@ -47,6 +49,7 @@ pub(super) const OUTCOMES: &[(Outcome, swb_outcome, &CStr)] = &[
     (Outcome::Stalled, swb_outcome::Stalled, c"stalled"),
     (Outcome::Diverging, swb_outcome::Diverging, c"diverging"),
     (Outcome::Failed, swb_outcome::Failed, c"failed"),
+    (Outcome::LocallyInfeasible, swb_outcome::LocallyInfeasible, c"locally_infeasible"),
 ];
 
 /// Number of an outcome in the header.

@@ -240,7 +240,8 @@ impl MpccSolver {
     /// Which constraints conflict at the point of least violation that was recorded.
     pub(super) fn explain(&mut self, p: &mut dyn Mpcc, bounds: &Bounds) {
         let s = &mut self.solution;
-        if s.outcome != Outcome::Infeasible || s.polish == Polish::Done {
+        let claimed = matches!(s.outcome, Outcome::Infeasible | Outcome::LocallyInfeasible);
+        if !claimed || s.polish == Polish::Done {
             return;
         }
         // programs without pairs need no judge but for this

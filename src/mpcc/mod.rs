@@ -9,9 +9,11 @@
 //! `σ` tied to the barrier parameter; then the active set is identified, the branch problem with that set is solved
 //! to the last digits, and the multipliers of the pairs come out of it.
 
+mod branches;
 mod certificate;
 #[cfg(test)]
 mod certificate_tests;
+mod claims;
 mod conflict;
 mod curvature;
 pub mod diagnostics;
@@ -32,6 +34,7 @@ mod scaling;
 mod search;
 #[rustfmt::skip]
 mod settings;
+mod simplex;
 mod sizes;
 mod solver;
 mod tangent;

@@ -10,6 +10,8 @@
 //! kept, or what branches next to it lead to. Such a path ends where the solution of its relaxed problem is no better than the best answer: feasible sets shrink with
 //! the relaxation, so that what follows on it is no better either.
 
+use super::branches::Place;
+use super::claims::Shown;
 use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, NoProposals};
 use super::scaling::Weight;
@@ -139,7 +141,7 @@ fn weigh(opinion: Opinion, least: Option<f64>, found: f64, end: End) -> Weighed 
 
 impl MpccSolver {
     /// Is there no answer yet, and a reason to go on?
-    fn is_open(&self) -> bool {
+    pub(super) fn is_open(&self) -> bool {
         matches!(self.solution.outcome, Outcome::Stalled | Outcome::Infeasible | Outcome::MaxIter)
             && self.solution.polish != Polish::Done
             && stop::requested().is_none()
@@ -354,7 +356,7 @@ impl MpccSolver {
         let rank = |s: &Solution| match s.outcome {
             Outcome::Solved => 0,
             Outcome::MaxTime | Outcome::Stopped => 1,
-            Outcome::Infeasible => 2,
+            Outcome::Infeasible | Outcome::LocallyInfeasible => 2,
             Outcome::Stalled => 3,
             Outcome::MaxIter => 4,
             _ => 5,
@@ -400,6 +402,7 @@ impl MpccSolver {
         };
         solver.settings = settings;
         solver.exact_rows = true;
+        solver.is_part = true;
         solver.solve_with(p, bounds, x0, control, proposer);
         let mut stats = self.solution.stats;
         stats.add(&solver.solution.stats);
@@ -420,12 +423,16 @@ impl MpccSolver {
         p: &mut dyn Mpcc,
         bounds: &Bounds,
         x0: &[f64],
+        shown: Shown,
         control: &mut Control,
         proposer: &mut dyn ActiveSetProposer,
     ) {
         let asked = self.has_others() || self.solution.outcome == Outcome::Infeasible;
-        if self.of_violation || !(asked && self.is_open()) {
+        if self.is_part || !(asked && self.is_open()) {
             return self.retract();
+        }
+        if let Some(place) = &shown.place {
+            return self.go_on_from_place(p, bounds, x0, place, control, proposer);
         }
         let Ok(mut st) = violation::Structure::new(p) else { return self.retract() };
         st.weights.copy_from_slice(&self.st.scaling.rows);
@@ -434,7 +441,9 @@ impl MpccSolver {
         let mut from = self.solution.x.clone();
         let mut end: Option<Solution> = None;
         let opinions = [Opinion::Near, Opinion::WidePath, Opinion::OtherSides, Opinion::WholePath, Opinion::NearItsEnd];
-        for opinion in opinions {
+        // what is shown needs no further opinion
+        let asked = if shown.empty { 1 } else { opinions.len() };
+        for opinion in opinions.into_iter().take(asked) {
             match opinion {
                 Opinion::Near => {}
                 Opinion::WidePath | Opinion::OtherSides | Opinion::WholePath => from.copy_from_slice(x0),
@@ -483,12 +492,35 @@ impl MpccSolver {
             }
         }
         let least = least.filter(|_| claimable);
-        let Some(least) = least else { return self.retract() };
+        self.solution.outcome = if shown.empty { Outcome::Infeasible } else { Outcome::LocallyInfeasible };
+        self.solution.polish = Polish::None;
+        let Some(least) = least else {
+            if !shown.empty {
+                self.solution.outcome = stop::requested().map_or(Outcome::Stalled, Outcome::from);
+            }
+            return;
+        };
         self.solution.x.copy_from_slice(&least.x[..p.n()]);
         self.solution.y.copy_from_slice(&least.y);
         self.solution.sides.copy_from_slice(&least.sides);
-        self.solution.outcome = Outcome::Infeasible;
         self.solution.found_by = FoundBy::Feasible;
+    }
+
+    /// Solves the branch of a point that is known, at which all rows hold. Where that has no solution the objective may fall without end.
+    fn go_on_from_place(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        x0: &[f64],
+        place: &Place,
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) {
+        self.enter_feasible(p, bounds, &place.sides, &place.x, control, proposer);
+        if self.solution.outcome != Outcome::Solved {
+            self.retract();
+            self.find_ray(p, bounds, x0);
+        }
     }
 
     /// The program of the least violation solved from the first of `from`, whose multipliers are those of the second where they
@@ -530,7 +562,7 @@ impl MpccSolver {
         let mut program = Violation { inner: p, st };
         let mut solver = MpccSolver::new(&mut program, settings).ok()?;
         solver.st.scaling.as_given = true;
-        solver.of_violation = true;
+        solver.is_part = true;
         if matches!(opinion, Opinion::Near | Opinion::NearItsEnd) {
             solver.solve_warm(&mut program, &own, &Warm { x: &start, y, z }, control, &mut NoProposals);
         } else {

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::certificate::Certificate;
+use super::claims::Shown;
 use super::conflict::Conflict;
 use super::endgame::{ActiveSet, Effort};
 use super::homotopy::Spent;
@@ -129,8 +130,8 @@ pub struct MpccSolver {
     pub(super) relaxed_answer: Option<Solution>,
     /// The objective of the answer that a path competes with, where one was found before.
     pub(super) rival: Option<f64>,
-    /// Is the program the least violation of another one? Its own violation, which is none, is not looked for.
-    pub(super) of_violation: bool,
+    /// Is this a part of the solve of another solver? What its outcome claims is for that one to show.
+    pub(super) is_part: bool,
 }
 
 impl MpccSolver {
@@ -167,7 +168,7 @@ impl MpccSolver {
             elastic: None,
             relaxed_answer: None,
             rival: None,
-            of_violation: false,
+            is_part: false,
             exact_rows: false,
             sides: vec![Side::First; n_groups],
             votes: vec![(0.0, 0.0); n_groups],
@@ -276,7 +277,12 @@ impl MpccSolver {
             }
             self.confirm(p, bounds, control);
             if !p.is_discretised() {
-                if self.has_others() {
+                if !self.is_part {
+                    self.confirm_ray(p, bounds, x0);
+                }
+                let asked = self.is_open() && !self.is_part;
+                let shown = if asked { self.ask_branches(p, bounds, x0) } else { Shown::default() };
+                if self.has_others() && !shown.empty {
                     // where the usual path ended without an answer its directions may have left the violations as they were
                     let demanded = std::mem::replace(&mut self.exact_rows, true);
                     self.go_on(p, bounds, x0, (interior, centre), control, proposer);
@@ -284,7 +290,10 @@ impl MpccSolver {
                     self.compare(p, bounds, x0, centre, control, proposer);
                 }
                 self.settle_for_relaxed();
-                self.find_least_violation(p, bounds, x0, control, proposer);
+                self.find_least_violation(p, bounds, x0, shown, control, proposer);
+                if !self.is_part {
+                    self.conclude(p, bounds);
+                }
             }
         }
         self.explain(p, bounds);

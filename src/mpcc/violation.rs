@@ -187,10 +187,10 @@ mod tests {
         solved_as(false, m, c, low)
     }
 
-    fn solved_as(of_violation: bool, m: usize, c: fn(&[f64], &mut [f64]), low: &[f64]) -> crate::mpcc::Solution {
+    fn solved_as(is_part: bool, m: usize, c: fn(&[f64], &mut [f64]), low: &[f64]) -> crate::mpcc::Solution {
         let mut p = program(m, c);
         let mut solver = MpccSolver::new(&mut p, MpccSettings::default()).unwrap();
-        solver.of_violation = of_violation;
+        solver.is_part = is_part;
         let mut bounds = Bounds::free(2, m);
         bounds.xl = vec![0.0; 2];
         bounds.cl = low.to_vec();

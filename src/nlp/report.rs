@@ -15,7 +15,7 @@ pub enum Outcome {
     MaxTime = 2,
     /// A callback or an interrupt asked to stop; the point is the last iterate.
     Stopped = 3,
-    /// Converged to a point that minimises the violation of the constraints locally.
+    /// There is no point: programs with pairs where all branches show it, others where a point minimises the violation of the constraints.
     Infeasible = 4,
     /// No progress possible although the tolerance is not reached.
     Stalled = 5,
@@ -23,6 +23,8 @@ pub enum Outcome {
     Diverging = 6,
     /// A function has no value at the starting point, or failed for good.
     Failed = 7,
+    /// Converged to a point that minimises the violation of the constraints locally; whether there is a point elsewhere is not known.
+    LocallyInfeasible = 9,
 }
 
 impl Outcome {
@@ -37,6 +39,7 @@ impl Outcome {
             Outcome::Stalled => "stalled",
             Outcome::Diverging => "diverging",
             Outcome::Failed => "failed",
+            Outcome::LocallyInfeasible => "locally_infeasible",
         }
     }
 }

@@ -166,7 +166,9 @@ const ABSURD: f64 = 1e4;
 /// What the end of a solve is called: a failure after the call was asked to end is that end.
 fn ended_by(outcome: Outcome) -> Outcome {
     match outcome {
-        Outcome::Failed | Outcome::Stalled | Outcome::Infeasible => stop::requested().map_or(outcome, Outcome::from),
+        Outcome::Failed | Outcome::Stalled | Outcome::Infeasible | Outcome::LocallyInfeasible => {
+            stop::requested().map_or(outcome, Outcome::from)
+        }
         _ => outcome,
     }
 }

@@ -108,7 +108,7 @@ impl Ocp {
             return text.clone();
         }
         let mut parts: Vec<String> = limit(r.outcome, &request.options).into_iter().collect();
-        let infeasible = matches!(r.outcome, Outcome::Infeasible | Outcome::Stalled);
+        let infeasible = matches!(r.outcome, Outcome::Infeasible | Outcome::LocallyInfeasible | Outcome::Stalled);
         if let Some(text) = crowded {
             parts.push(text.into());
         } else if infeasible && request.explain {

@@ -30,7 +30,12 @@ impl Ocp {
         let given = self.x_guess.is_some() || self.u_guess.is_some() || self.modes.is_some();
         let may = start == Start::Cold && request.start != OcpStart::Homotopy && !given && self.system.dims().u > 0;
         let first = self.run(start, request, control)?;
-        if !may || !matches!(first.outcome, Outcome::Infeasible | Outcome::Stalled | Outcome::MaxIter) {
+        if !may
+            || !matches!(
+                first.outcome,
+                Outcome::Infeasible | Outcome::LocallyInfeasible | Outcome::Stalled | Outcome::MaxIter
+            )
+        {
             return self.last_result();
         }
         let mut found = Candidates::default();

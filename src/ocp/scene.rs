@@ -405,7 +405,7 @@ impl Ocp {
                      stage, or one less"
                 )
             }
-            Outcome::Infeasible | Outcome::Stalled | Outcome::MaxIter | Outcome::MaxTime => format!(
+            Outcome::Infeasible | Outcome::LocallyInfeasible | Outcome::Stalled | Outcome::MaxIter | Outcome::MaxTime => format!(
                 "{time}{why}no motion was found that meets all constraints, after {} orders of contacts; the one closest to it violates \
                  them by {:.3e} of their sizes{}{}{}. Its contacts: {}",
                 a.tried,

@@ -159,7 +159,7 @@ MOI.optimize!(o::Optimizer) = (o.result = solve!(o.program); nothing)
 
 const STATUS = Dict(
     :solved => MOI.LOCALLY_SOLVED, :max_iter => MOI.ITERATION_LIMIT, :max_time => MOI.TIME_LIMIT, :stopped => MOI.INTERRUPTED,
-    :infeasible => MOI.LOCALLY_INFEASIBLE, :stalled => MOI.SLOW_PROGRESS, :diverging => MOI.NORM_LIMIT, :failed => MOI.NUMERICAL_ERROR,
+    :infeasible => MOI.LOCALLY_INFEASIBLE, :locally_infeasible => MOI.LOCALLY_INFEASIBLE, :stalled => MOI.SLOW_PROGRESS, :diverging => MOI.NORM_LIMIT, :failed => MOI.NUMERICAL_ERROR,
 )
 MOI.get(o::Optimizer, ::MOI.TerminationStatus) = o.result === nothing ? MOI.OPTIMIZE_NOT_CALLED : get(STATUS, o.result.outcome, MOI.OTHER_ERROR)
 MOI.get(o::Optimizer, ::MOI.RawStatusString) = o.result === nothing ? "not solved yet" : string(o.result.outcome)

@@ -399,10 +399,11 @@ How a solve ended. Numbers are only ever added.
 - `SWB_OUTCOME_MAX_ITER`: Out of iterations; the point is the last iterate.
 - `SWB_OUTCOME_MAX_TIME`: Out of time; the point is the last iterate.
 - `SWB_OUTCOME_STOPPED`: A callback or an interrupt asked to stop; the point is the last iterate.
-- `SWB_OUTCOME_INFEASIBLE`: Converged to a point that minimises the violation of the constraints locally.
+- `SWB_OUTCOME_INFEASIBLE`: There is no point: programs with pairs where all branches show it, others where a point minimises the violation of the constraints.
 - `SWB_OUTCOME_STALLED`: No progress is possible although the tolerance is not reached.
 - `SWB_OUTCOME_DIVERGING`: The iterates diverge.
 - `SWB_OUTCOME_FAILED`: There is no usable point; the call returned an error that says why.
+- `SWB_OUTCOME_LOCALLY_INFEASIBLE`: Converged to a point that minimises the violation of the constraints locally; whether there is a point elsewhere is not known.
 """
 const swb_outcome = Int64
 const SWB_OUTCOME_SOLVED = swb_outcome(0)
@@ -413,7 +414,8 @@ const SWB_OUTCOME_INFEASIBLE = swb_outcome(4)
 const SWB_OUTCOME_STALLED = swb_outcome(5)
 const SWB_OUTCOME_DIVERGING = swb_outcome(6)
 const SWB_OUTCOME_FAILED = swb_outcome(7)
-const NAMES_swb_outcome = [:solved => 0, :max_iter => 1, :max_time => 2, :stopped => 3, :infeasible => 4, :stalled => 5, :diverging => 6, :failed => 7]
+const SWB_OUTCOME_LOCALLY_INFEASIBLE = swb_outcome(9)
+const NAMES_swb_outcome = [:solved => 0, :max_iter => 1, :max_time => 2, :stopped => 3, :infeasible => 4, :stalled => 5, :diverging => 6, :failed => 7, :locally_infeasible => 9]
 
 """
 Was the active set identified and the smooth problem that remains solved?

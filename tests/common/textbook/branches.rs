@@ -46,7 +46,7 @@ pub fn survey(p: &Problem, extra: usize) -> Survey {
             match ipm.solve(&mut lifted, &branch, Start::Cold(&w0), &mut rule, &mut Control::default()) {
                 Outcome::Solved => out.solved.push((ipm.objective(), ipm.iterate().x[..s.len()].to_vec())),
                 Outcome::Diverging => out.unbounded = true,
-                Outcome::Infeasible => {}
+                Outcome::Infeasible | Outcome::LocallyInfeasible => {}
                 _ => out.undecided += 1,
             }
         }

@@ -322,7 +322,9 @@ impl<P: Nlp + Clone> Problem<P> {
         let (s, known) = (&found.solution, &self.known);
         let fail = |why: String| Verdict::Fail(why);
         match known.expect {
-            Expect::Infeasible if s.outcome == Outcome::Infeasible => return Verdict::Pass,
+            Expect::Infeasible if matches!(s.outcome, Outcome::Infeasible | Outcome::LocallyInfeasible) => {
+                return Verdict::Pass;
+            }
             Expect::Unbounded if s.outcome == Outcome::Diverging => return Verdict::Pass,
             Expect::Optimal if s.outcome == Outcome::Solved => {}
             _ => return fail(format!("ended as {}", s.outcome.name())),

@@ -248,6 +248,7 @@ class Outcome(Names):
     STALLED = 5
     DIVERGING = 6
     FAILED = 7
+    LOCALLY_INFEASIBLE = 9
 
 
 class Polished(Names):
