@@ -242,11 +242,14 @@ impl Branches<'_> {
                 self.set(&mut points, &chosen, false);
                 let falls = directions.feasible(&goes_on) == Found::Point
                     && directions.minimise(&grad, &goes_on) == Found::Ray
-                    && points.feasible(&goes_on) == Found::Point;
+                    && points.feasible(&goes_on) != Found::Infeasible;
                 if !falls {
                     continue;
                 }
                 let Some(g) = chosen.iter().position(Option::is_none) else {
+                    if points.feasible(&goes_on) != Found::Point {
+                        continue;
+                    }
                     let (place, d) = (Branches::place(&points, &chosen), directions.ray().collect::<Vec<f64>>());
                     if let Some(step) = falls_for_ever(p, &place.x, &d) {
                         return Some((place, step));

@@ -4,6 +4,7 @@
 //! ([`Branches`]). That it is solved is said of points whose rows and pairs hold in the units that the program was given in.
 
 use super::branches::{Branches, Place, Said};
+use super::certificate::BStationarity;
 use super::problem::Mpcc;
 use super::solver::{MpccSolver, Polish};
 use crate::nlp::{Bounds, Outcome};
@@ -61,8 +62,13 @@ impl MpccSolver {
 
     /// The last word of a solve: a point that is called a solution meets rows and pairs in the units of the program, and a call that
     /// had no more iterations says so.
-    pub(super) fn conclude(&mut self, p: &mut dyn Mpcc, bounds: &Bounds) {
-        if self.solution.outcome == Outcome::Solved && !self.is_closed(p, bounds) {
+    pub(super) fn conclude(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64]) {
+        // a descent that is known and was not followed to its end
+        let falls = self.solution.certificate.b == BStationarity::No;
+        if self.solution.outcome == Outcome::Solved && falls && self.find_ray(p, bounds, x0) {
+            return;
+        }
+        if self.solution.outcome == Outcome::Solved && (falls || !self.is_closed(p, bounds)) {
             self.solution.outcome = stop::requested().map_or(Outcome::Stalled, Outcome::from);
         }
         if self.solution.outcome == Outcome::Stalled && self.iterations_left() == 0 {

@@ -5,10 +5,10 @@ use super::conflict::Conflict;
 use super::infeasible::Claim;
 use super::problem::{Mpcc, Side};
 use super::scaling::Scaling;
-use super::solver::{MpccSolver, Polish, Solution};
+use super::solver::{MpccSolver, Polish, Solution, Warm};
 use crate::error::Result;
 use crate::linalg::csc::Pattern;
-use crate::nlp::{Bounds, Control, Outcome};
+use crate::nlp::{within, Bounds, Control, Outcome};
 use crate::stop;
 
 /// Descents followed at most.
@@ -20,6 +20,15 @@ const RADII: [f64; 2] = [1e-2, 1e-4];
 /// every time.
 const SHARE: f64 = 0.2;
 const LITTLE_WORK: f64 = 2e7;
+/// Steps along a descent, from the longest on each a share of the one before, down to the shortest; and the violation of scaled rows up to which one is a step.
+const SHORTER: f64 = 0.125;
+const LONGEST: f64 = 4096.0;
+const SHORTEST: f64 = 1e-3;
+const HELD: f64 = 1e-8;
+/// Largest scaled derivative of the objective from which on tolerances are those of this point.
+const FLAT: f64 = 0.1;
+/// Share of an objective that is rounding.
+const SAME: f64 = 64.0 * f64::EPSILON;
 /// Distance at which constraints of an infeasible problem count as active.
 const ACTIVE: f64 = 1e-6;
 
@@ -34,6 +43,8 @@ pub(super) struct Judge {
     x: Vec<f64>,
     y: Vec<f64>,
     z: Vec<f64>,
+    /// Objective of the point evaluated last.
+    objective: f64,
 }
 
 impl Judge {
@@ -48,6 +59,7 @@ impl Judge {
             x: vec![0.0; n],
             y: vec![0.0; m],
             z: vec![0.0; n],
+            objective: f64::NAN,
         })
     }
 
@@ -150,6 +162,10 @@ impl MpccSolver {
                 continue;
             }
             cert = combined(cert, narrow);
+            if cert.b == BStationarity::No && stop::requested().is_none() {
+                // the rows bend away from all of it, or it is lost in rounding: nothing that could be followed
+                (cert.b, cert.doubt) = (BStationarity::Undecided, Doubt::Accuracy);
+            }
             break;
         }
         self.solution.certificate = self.refine(cert, spent, control);
@@ -201,8 +217,27 @@ impl MpccSolver {
         self.solution.stats.factorisations as f64 * self.ipm.linear_statistics().work()
     }
 
-    /// Solves the branch the last descent leads into, from its end; true when that is a better point.
+    /// Goes to a better point along the last descent; true where there is one.
     fn descend(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
+        if self.follow_descent(p, bounds, control) {
+            return true;
+        }
+        // tolerances are those of the gradient at the start: beside it the one at this point may be small
+        let steepest = self.judge.as_ref().map_or(0.0, |j| j.grad.iter().fold(0f64, |a, g| a.max(g.abs())));
+        let usual = self.st.scaling.objective;
+        if steepest > 0.0 && steepest < FLAT {
+            self.st.scaling.objective = usual * steepest.recip().log2().floor().exp2();
+            let followed = self.follow_descent(p, bounds, control);
+            self.st.scaling.objective = usual;
+            if followed {
+                return true;
+            }
+        }
+        self.step_down(p, bounds, control)
+    }
+
+    /// Solves the branch the last descent leads into, from its end.
+    fn follow_descent(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         let Some((d, sides)) = self.judge.as_ref().and_then(|j| j.certifier.descent()) else { return false };
         for (((w, x), d), size) in self.room.iter_mut().zip(&self.solution.x).zip(d).zip(&self.st.scaling.sizes) {
             *w = x + d * size;
@@ -216,11 +251,69 @@ impl MpccSolver {
             self.point[zero] = 0.0;
         }
         let best = self.solution.objective;
-        if !self.try_point(p, bounds, control) || !self.is_better(best) {
+        let ok = self.try_point(p, bounds, control) && self.is_better(best);
+        if ok {
+            self.record_exact(p, control);
+        }
+        ok
+    }
+
+    /// Where the branch of the last descent has no better solution: a step along it after which rows and pairs hold and the objective is
+    /// lower, and from there to the solution of the square system. The step itself is the point where that leads to none.
+    fn step_down(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
+        let best = self.solution.objective;
+        let mut step = LONGEST;
+        while step >= SHORTEST && stop::requested().is_none() {
+            let Some((d, sides)) = self.judge.as_ref().and_then(|j| j.certifier.descent()) else { return false };
+            for (((w, x), d), size) in self.room.iter_mut().zip(&self.solution.x).zip(d).zip(&self.st.scaling.sizes) {
+                *w = x + step * d * size;
+            }
+            for (k, side) in sides.iter().enumerate() {
+                self.sides[p.group(k)] = *side;
+            }
+            for (j, w) in self.room.iter_mut().enumerate() {
+                *w = within(*w, bounds.xl[j], bounds.xu[j]);
+            }
+            for (k, &(a, b)) in p.pairs().iter().enumerate() {
+                self.room[if self.sides[p.group(k)] == Side::First { a } else { b }] = 0.0;
+            }
+            if self.is_lower(p, bounds, best) {
+                break;
+            }
+            step *= SHORTER;
+        }
+        if step < SHORTEST || stop::requested().is_some() {
             return false;
         }
-        self.record_exact(p, control);
+        let before = self.solution.clone();
+        self.branch.copy_from(bounds);
+        p.branch(&self.sides, &mut self.branch);
+        let x = self.room.clone();
+        self.load(p, &Warm { x: &x, y: &before.y, z: &before.z });
+        let lowest = self.judge.as_ref().map_or(f64::INFINITY, |j| j.objective);
+        if self.settle_saved(p, control) && self.solution.objective <= lowest + SAME * lowest.abs() {
+            return true;
+        }
+        let stats = self.solution.stats;
+        self.solution = Solution { stats, x, objective: lowest, ..before };
+        for (k, side) in self.sides.iter().enumerate() {
+            self.solution.sides[k] = *side;
+        }
         true
+    }
+
+    /// Does the point in `room` meet the rows, and is its objective, which is kept, below `best`?
+    fn is_lower(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, best: f64) -> bool {
+        let Some(judge) = &mut self.judge else { return false };
+        p.set_polishing(true);
+        let value = p.eval(&self.room, &mut judge.c);
+        p.set_polishing(false);
+        let Ok(f) = value else { return false };
+        judge.objective = f;
+        let scaling = &self.st.scaling;
+        let rows = judge.c.iter().zip(bounds.cl.iter().zip(&bounds.cu)).zip(&scaling.rows);
+        let violation = rows.fold(0f64, |v, ((c, (lo, hi)), s)| v.max(s * (lo - c)).max(s * (c - hi)));
+        violation <= HELD.max(self.solution.residuals.primal) && f < best - SAME * best.abs()
     }
 
     /// Takes the claim back that the program is infeasible where its point does not show it. Programs with pairs keep

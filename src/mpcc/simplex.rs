@@ -12,6 +12,8 @@
 const PIVOT: f64 = 1e-9;
 /// Violation of a bound that counts as none, relative to the sizes of the terms of its row or, of a variable, to its size.
 const MET: f64 = 1e-9;
+/// Share of the largest value that rounding of pivots leaves of one that vanishes.
+const NOISE: f64 = 1e-13;
 /// Share of the terms of a sum that rounding may leave of one that vanishes.
 const ROUNDING: f64 = 1e-12;
 /// Pivots after which the first possible one is taken (R. G. Bland, *New finite pivoting rules for the simplex method*, 1977), and after which a
@@ -48,6 +50,8 @@ pub(super) struct Simplex {
     value: Vec<f64>,
     /// Unit of every variable, and factor of every row: powers of two.
     unit: Vec<f64>,
+    /// Largest value.
+    largest: f64,
     direction: Vec<f64>,
     rate: Vec<f64>,
     /// Entries of tableaus that pivots have gone over so far.
@@ -78,6 +82,7 @@ impl Simplex {
             lower: vec![f64::NEG_INFINITY; n + m],
             upper: vec![f64::INFINITY; n + m],
             value: vec![0.0; n + m],
+            largest: 0.0,
             direction: vec![0.0; n + m],
             rate: vec![0.0; n],
             unit,
@@ -195,12 +200,13 @@ impl Simplex {
             let row = &self.tableau[i * self.n..][..self.n];
             self.value[self.basic[i]] = row.iter().zip(&self.nonbasic).map(|(t, v)| t * self.value[*v]).sum();
         }
+        self.largest = self.value.iter().fold(0.0, |a, v| a.max(v.abs()));
     }
 
     /// The sense in which a variable has to move to get within its bounds; 0 where it is.
     fn violation(&self, v: usize) -> f64 {
         let (x, lo, hi) = (self.value[v], self.lower[v], self.upper[v]);
-        let room = 0.1 * MET * self.size(v);
+        let room = 0.1 * (MET * self.size(v) + NOISE * self.largest);
         f64::from(i8::from(x < lo - room) - i8::from(x > hi + room))
     }
 
@@ -309,7 +315,7 @@ impl Simplex {
     fn is_feasible(&mut self) -> bool {
         self.write_rows(|s| &mut s.value);
         (0..self.n + self.m).all(|v| {
-            let (x, room) = (self.value[v], MET * self.size(v));
+            let (x, room) = (self.value[v], MET * self.size(v) + NOISE * self.largest);
             x >= self.lower[v] - room && x <= self.upper[v] + room
         })
     }

@@ -292,7 +292,7 @@ impl MpccSolver {
                 self.settle_for_relaxed();
                 self.find_least_violation(p, bounds, x0, shown, control, proposer);
                 if !self.is_part {
-                    self.conclude(p, bounds);
+                    self.conclude(p, bounds, x0);
                 }
             }
         }

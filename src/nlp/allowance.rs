@@ -50,6 +50,14 @@ pub(crate) fn within<R>(most: usize, body: impl FnOnce() -> R) -> R {
     r
 }
 
+/// Runs `body` with one iteration less than is left.
+pub(super) fn but_one<R>(body: impl FnOnce() -> R) -> R {
+    match left() {
+        usize::MAX => body(),
+        n => within(n.saturating_sub(1), body),
+    }
+}
+
 /// Runs `body` without counting.
 pub(crate) fn apart<R>(body: impl FnOnce() -> R) -> R {
     let _restore = Restore(LEFT.replace(usize::MAX));
@@ -69,6 +77,7 @@ mod tests {
                 spend();
                 apart(|| (0..9).for_each(|_| spend()));
                 assert_eq!(left(), 1);
+                but_one(|| assert!(is_over()));
                 spend();
                 assert!(is_over());
                 spend();
@@ -77,5 +86,6 @@ mod tests {
             within(9, || assert_eq!(left(), 2));
         });
         assert_eq!(left(), usize::MAX);
+        but_one(|| assert_eq!(left(), usize::MAX));
     }
 }

@@ -297,16 +297,12 @@ impl Ipm {
                 Err(_) => return Some(Outcome::Stalled),
             },
         };
-        let left = self.settings.max_iter.saturating_sub(self.stats.iterations);
-        let (found, outcome) = resto.run(
-            nlp,
-            &self.bounds,
-            &self.it,
-            &self.v.c,
-            self.level.mu.max(m.primal),
-            IpmSettings { max_iter: left, ..self.settings },
-            control,
-        );
+        // the iteration that restores is one itself
+        let left = self.settings.max_iter.saturating_sub(self.stats.iterations + 1);
+        let settings = IpmSettings { max_iter: left, ..self.settings };
+        let mu = self.level.mu.max(m.primal);
+        let (bounds, at, c) = (&self.bounds, &self.it, &self.v.c);
+        let (found, outcome) = allowance::but_one(|| resto.run(nlp, bounds, at, c, mu, settings, control));
         let cost = resto.statistics();
         self.stats.iterations += cost.iterations;
         self.stats.restoration_iterations += cost.iterations;
@@ -346,7 +342,7 @@ impl Ipm {
             }
             Outcome::Solved => None,
             Outcome::Stalled | Outcome::MaxIter
-                if self.stats.iterations < self.settings.max_iter && !allowance::is_over() =>
+                if self.stats.iterations + 1 < self.settings.max_iter && allowance::left() > 1 =>
             {
                 Some(Outcome::Stalled)
             }

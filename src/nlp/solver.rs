@@ -448,11 +448,11 @@ impl Ipm {
                     }
                 }
             }
-            if self.stats.iterations >= self.settings.max_iter || allowance::is_over() {
-                return Outcome::MaxIter;
-            }
             if self.diverges(&m) {
                 return Outcome::Diverging;
+            }
+            if self.stats.iterations >= self.settings.max_iter || allowance::is_over() {
+                return Outcome::MaxIter;
             }
             self.info.phase = self.phase;
             let searched =
