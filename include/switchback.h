@@ -931,6 +931,11 @@ enum swb_outcome
      */
     SWB_OUTCOME_FAILED = 7,
     /**
+     * Of an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are
+     * another motion.
+     */
+    SWB_OUTCOME_NOT_FOLLOWED = 8,
+    /**
      * Converged to a point that minimises the violation of the constraints locally; whether there is a point elsewhere is not known.
      */
     SWB_OUTCOME_LOCALLY_INFEASIBLE = 9,

@@ -36,6 +36,9 @@ pub enum swb_outcome {
     Diverging = 6,
     /// There is no usable point; the call returned an error that says why.
     Failed = 7,
+    /// Of an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are
+    /// another motion.
+    NotFollowed = 8,
     /// Converged to a point that minimises the violation of the constraints locally; whether there is a point elsewhere is not known.
     LocallyInfeasible = 9,
 }
@@ -49,6 +52,7 @@ pub(super) const OUTCOMES: &[(Outcome, swb_outcome, &CStr)] = &[
     (Outcome::Stalled, swb_outcome::Stalled, c"stalled"),
     (Outcome::Diverging, swb_outcome::Diverging, c"diverging"),
     (Outcome::Failed, swb_outcome::Failed, c"failed"),
+    (Outcome::NotFollowed, swb_outcome::NotFollowed, c"not_followed"),
     (Outcome::LocallyInfeasible, swb_outcome::LocallyInfeasible, c"locally_infeasible"),
 ];
 

@@ -23,6 +23,9 @@ pub enum Outcome {
     Diverging = 6,
     /// A function has no value at the starting point, or failed for good.
     Failed = 7,
+    /// Of an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are
+    /// another motion.
+    NotFollowed = 8,
     /// Converged to a point that minimises the violation of the constraints locally; whether there is a point elsewhere is not known.
     LocallyInfeasible = 9,
 }
@@ -39,6 +42,7 @@ impl Outcome {
             Outcome::Stalled => "stalled",
             Outcome::Diverging => "diverging",
             Outcome::Failed => "failed",
+            Outcome::NotFollowed => "not_followed",
             Outcome::LocallyInfeasible => "locally_infeasible",
         }
     }

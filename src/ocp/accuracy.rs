@@ -45,8 +45,15 @@ pub struct Accuracy {
     /// Switches of the simulation.
     pub n_switches: usize,
     /// Largest difference at the end of every stage where the simulation of the stage starts at the state of the answer:
-    /// what the stage itself makes of the error, `[n_stages]`, NaN where it got stuck. Empty unless the grid is adapted.
+    /// what the stage itself makes of the error, `[n_stages]`, NaN where it got stuck. Empty unless the grid is adapted, or the simulation
+    /// is another motion.
     pub local: Vec<f64>,
+    /// Is the simulation of some stage, from the state of the answer at its start, another motion too?
+    pub elsewhere: bool,
+    /// Moduli of the differences of the states at the ends of the stages `[n_stages · nx]`, and the largest moduli of the states there `[nx]`, where
+    /// the simulation reaches the end.
+    differences: Vec<f64>,
+    sizes: Vec<f64>,
     /// The largest of the differences, in shares of their states, that nothing is certified beside, see [`Difference`].
     pub apart: Option<Difference>,
 }
@@ -76,6 +83,9 @@ impl Difference {
 const APART: f64 = super::optimality::NONE;
 /// The same, from which the motion is another one.
 const LARGE: f64 = 1e-2;
+/// Share of its size by which a state is off at the end of a stage that is simulated by itself where the simulation has nothing to do with the
+/// answer: neither an unstable system nor the error of a method makes that in one stage.
+pub(super) const ELSEWHERE: f64 = 0.5;
 /// Share of its size by which the cost of a simulation may differ from that of an answer that something is said of.
 const COST_APART: f64 = 1e-3;
 /// Multiples of its tolerance up to which a difference may be the simulation's own: its errors add up.
@@ -95,6 +105,9 @@ impl Accuracy {
             x_end: vec![f64::NAN; nx],
             n_switches: 0,
             local: Vec::new(),
+            elsewhere: false,
+            differences: Vec::new(),
+            sizes: Vec::new(),
             apart: None,
         }
     }
@@ -112,6 +125,13 @@ impl Accuracy {
     /// The largest difference, where it says that the motion is another one.
     pub fn large(&self) -> Option<Difference> {
         self.apart.filter(|d| d.share() > LARGE)
+    }
+
+    /// Takes over what simulations of single stages say.
+    pub(super) fn take_stages(&mut self, stages: &[Accuracy]) {
+        let is_far = |a: &Accuracy| a.differences.iter().zip(&self.sizes).any(|(d, size)| *d > ELSEWHERE * size);
+        self.elsewhere = self.large().is_some() && stages.iter().any(is_far);
+        self.local = stages.iter().map(|a| a.terminal).collect();
     }
 
     /// Does the simulation contradict the answer, whose cost has this size? One that was not finished says nothing.
@@ -533,6 +553,7 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
     let worst = (0..n * nx).filter(apart).max_by(|a, b| share(a).total_cmp(&share(b)).then(b.cmp(a)));
     found.apart =
         worst.map(|at| Difference { stage: at / nx, state: at % nx, value: differences[at], size: sizes[at % nx] });
+    (found.differences, found.sizes) = (differences, sizes);
     found.terminal = found.stages[n - 1];
     found.x_end.copy_from_slice(&engine.state()[first..]);
     u.copy_from_slice(&answer.control_ends[(n - 1) * nu..]);

@@ -22,6 +22,8 @@ const WORTH: f64 = 1.25;
 const GROWTH: f64 = 2.0;
 /// Points per element of the guess that carries a solution over.
 const SAMPLES: usize = 4;
+/// Share of the cost by which one must be lower for the optimum to be another one.
+const LOWER: f64 = 1e-3;
 /// Tolerance of the simulation that measures, relative to the error asked for.
 const RESOLUTION: f64 = 1e-2;
 
@@ -95,15 +97,21 @@ impl Ocp {
             return Err(Error::Internal("no round of the adaptation ended".into()));
         };
         story.reached = result.is_exact() && result.error() <= self.settings.adapt_tol;
-        if let Some((last, outcome)) = cut_short.filter(|c| c.0 != story.kept) {
-            let more = if result.message.is_empty() { "" } else { "; " };
-            let end = outcome.name();
-            result.message += &format!(
-                "{more}round {last} of the adaptation ended by {end}: the answer is that of round {}",
+        let accurate = story.rounds.iter().position(|r| r.exact && r.error <= self.settings.adapt_tol);
+        if let Some(dear) = accurate.filter(|_| !story.reached) {
+            result.add_remark(&format!(
+                "round {dear} of the adaptation is as accurate as asked for but dearer: the answer is that of round {}",
                 story.kept
-            );
-            if outcome == Outcome::Stopped {
-                result.outcome = outcome;
+            ));
+        }
+        if let Some((last, outcome)) = cut_short.filter(|c| c.0 != story.kept) {
+            let end = outcome.name();
+            result.add_remark(&format!(
+                "round {last} of the adaptation ended by {end}: the answer is that of round {}",
+                story.kept
+            ));
+            if result.outcome == Outcome::Solved && matches!(outcome, Outcome::Stopped | Outcome::MaxTime) {
+                result.ended = Some(outcome);
             }
         }
         result.stats = Statistics { time_total: clock.elapsed().as_secs_f64() - time_build, ..spent };
@@ -257,10 +265,22 @@ impl OcpResult {
         a.stages.iter().fold(0.0, |m: f64, v| if v.is_nan() || m.is_nan() { f64::NAN } else { m.max(*v) })
     }
 
+    /// What it costs by itself and in a simulation, whichever is more; `None` where no simulation confirms it.
+    fn surely_costs(&self) -> Option<f64> {
+        let a = self.accuracy.as_ref().filter(|a| self.is_exact() && a.reached() && a.apart.is_none())?;
+        Some(self.cost.max(a.cost)).filter(|c| c.is_finite())
+    }
+
     /// Solved ones are better, then exact ones, then those that can be simulated, then those with the error asked for,
     /// among them the smaller, else the more accurate.
     fn is_better_than(&self, other: &OcpResult, tol: f64) -> bool {
         let reached = |r: &OcpResult| r.error() <= tol;
+        // what is cheaper in a simulation, too, and by more than errors are worth, is another optimum: no accuracy makes up for it
+        match (self.surely_costs(), other.surely_costs()) {
+            (Some(a), _) if a < other.cost - LOWER * other.cost.abs() => return true,
+            (_, Some(b)) if b < self.cost - LOWER * self.cost.abs() => return false,
+            _ => {}
+        }
         let rank = |r: &OcpResult| (r.outcome != Outcome::Solved, !r.is_exact(), r.error().is_nan(), !reached(r));
         let (a, b) = (rank(self), rank(other));
         // another optimum, which a coarser grid may leave no room to get away from

@@ -8,6 +8,7 @@ use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::nlp::{allowance, Outcome, Statistics};
+use crate::stop::Why;
 
 /// Tolerance of the simulation that answers are compared with.
 const TOLERANCE: f64 = 1e-7;
@@ -25,6 +26,8 @@ pub(super) struct Candidates {
     pub still: Option<Verdict>,
     /// What a best answer costs that no distance from surfaces leads away from: it is not tried again.
     pub astray: Option<f64>,
+    /// Why a part of the search was cut, where one was.
+    pub cut: Option<Why>,
     /// Several ways led to the best one, and it costs what the smoothed problem promised.
     pub agreed: bool,
     /// Answers of smoothed problems whose mode programs have none.

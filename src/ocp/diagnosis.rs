@@ -35,6 +35,8 @@ pub(super) struct Case<'a> {
     pub w: &'a [f64],
     /// The system as it was discretised.
     pub system: &'a System,
+    /// Why the solve was cut, where it was.
+    pub cut: Option<stop::Why>,
 }
 
 /// What a diagnosis says.
@@ -120,7 +122,7 @@ impl Ocp {
                 Shown::Nothing => {}
             }
         }
-        if let Some(why) = stop::requested().filter(|_| r.outcome == Outcome::Solved) {
+        if let Some(why) = case.cut.or(stop::requested()).filter(|_| r.outcome == Outcome::Solved) {
             parts.push(format!(
                 "{} in the search for an exact solution: the answer is that of the relaxation",
                 why.words()

@@ -159,6 +159,9 @@ pub struct OcpResult {
     pub optimality: Option<Optimality>,
     /// A model function has no value where one is needed: that is why there is no solution.
     pub undefined: bool,
+    /// How a solve ended whose answer is a solution of the discretised problem, where that is no whole success: the search was cut, or no
+    /// simulation follows the answer. It is the outcome once the solve is over.
+    pub(super) ended: Option<Outcome>,
     /// How the grid was adapted; `None` where that was not asked for.
     pub adaptation: Option<Adaptation>,
     /// Transitions, in the order of time.

@@ -310,7 +310,7 @@ impl MultiPhase {
             }
             // constraints of a phase alone say little: the links take part
             let (bounds, system) = (&b.bounds, &b.extended.system);
-            let mut case = Case { result: &found, problem: &mut b.problem, bounds, w: &own.x, system };
+            let mut case = Case { result: &found, problem: &mut b.problem, bounds, w: &own.x, system, cut: None };
             let diagnosis = p.diagnose(&mut case, request, control);
             found.take(diagnosis);
             if !found.message.is_empty() {

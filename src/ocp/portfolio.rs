@@ -18,7 +18,7 @@ use crate::fesd::Sizes;
 use crate::mpcc::Polish;
 use crate::nlp::{allowance, Control, Outcome, Statistics};
 use crate::settings::OcpStart;
-use crate::stop;
+use crate::stop::{self, Why};
 
 /// Costs that differ by less, relative, are the same.
 pub(super) const SAME: f64 = 1e-4;
@@ -48,7 +48,7 @@ const HALF: f64 = 0.5;
 /// Work, iterations times variables, that neighbours may take at least; where more was done before, as much as that.
 const EFFORT: usize = 5_000_000;
 /// Share of the time that is left that a part of a search may take.
-const SEARCH: f64 = 0.9;
+pub(super) const SEARCH: f64 = 0.9;
 /// Share of the cost by which one must be lower to count as better.
 const GAIN: f64 = 1e-7;
 
@@ -102,29 +102,58 @@ pub(super) fn part(
     control: &mut Control,
     body: impl FnOnce(&mut Candidates, &mut Control) -> Result<()>,
 ) -> Result<()> {
+    part_of(SEARCH, found, control, body)
+}
+
+/// The same with a share of the time that is left. Where that alone is over, and no more, there is time for other parts.
+fn part_of(
+    share: f64,
+    found: &mut Candidates,
+    control: &mut Control,
+    body: impl FnOnce(&mut Candidates, &mut Control) -> Result<()>,
+) -> Result<()> {
     if allowance::is_over() && found.best.is_some() {
         return Ok(());
     }
-    match control.sooner(SEARCH, |control| body(found, control)) {
-        Err(Error::Interrupted | Error::OutOfTime) if found.best.is_some() => Ok(()),
+    let ended = control.sooner(share, |control| {
+        let ended = body(found, control);
+        found.cut = found.cut.or(stop::requested());
+        ended
+    });
+    match ended {
+        Err(Error::Interrupted | Error::OutOfTime) if found.best.is_some() || stop::requested().is_none() => Ok(()),
         r => r,
     }
 }
 
 impl OcpResult {
+    /// A solution of a search that was cut says so.
+    pub(super) fn tell_cut(&mut self, why: Why) {
+        if self.outcome != Outcome::Solved {
+            return;
+        }
+        self.add_remark(&format!("{} before the search had ended: other answers may be cheaper", why.words()));
+        self.ended = self.ended.or(Some(why.into()));
+    }
+
     /// Are there elements without length?
     fn has_idle(&self) -> bool {
         self.trajectory.elements.iter().any(|e| e.h <= NOTHING * self.durations[e.stage])
     }
 
+    /// Does it solve the discretised problem, whatever else there is to say of it?
+    pub(super) fn is_solution(&self) -> bool {
+        self.outcome == Outcome::Solved || self.ended.is_some()
+    }
+
     /// Is it a solution whose active set is exact, or of a problem without pairs? Its multipliers are those of the problem then.
     pub(super) fn has_exact_modes(&self) -> bool {
-        self.outcome == Outcome::Solved && (self.polish == Polish::Done || self.dimensions.2 == 0)
+        self.is_solution() && (self.polish == Polish::Done || self.dimensions.2 == 0)
     }
 
     /// Is the active set exact, or nothing switches?
     pub(super) fn is_exact(&self) -> bool {
-        self.outcome == Outcome::Solved && self.polish != Polish::Rejected
+        self.is_solution() && self.polish != Polish::Rejected
     }
 }
 
@@ -161,8 +190,29 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<&OcpResult> {
         let clock = Instant::now();
+        // what is left behind all parts together is for the comparison and the verdict
+        control.sooner(SEARCH, |control| self.search_in_parts(start, &mut found, request, control))?;
+        if found.best.is_some() {
+            return self.adopt(found, request, control, clock);
+        }
+        let failed = self.last_result()?.clone();
+        match allowance::is_over() {
+            true => self.closest_of(found, failed, clock),
+            false => self.spent_in_all(&found, clock),
+        }
+    }
+
+    /// All parts of a search. Each has a share of the time that is left, so that with more time every one of them has more; without a best
+    /// answer the last result is that of the homotopy, which failed.
+    fn search_in_parts(
+        &mut self,
+        start: Start,
+        found: &mut Candidates,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<()> {
         let mut race = Race::default();
-        part(&mut found, control, |found, control| {
+        part_of(HALF, found, control, |found, control| {
             // where iterations are counted the other starts have as many
             let most = allowance::left();
             let most = if most == usize::MAX { most } else { most / 2 };
@@ -173,14 +223,14 @@ impl Ocp {
         let only_smooth = request.start == OcpStart::Smoothing;
         let (mut asked, mut enough) = (false, false);
         if race.large && !given && !only_smooth {
-            (asked, enough) = self.keeps_promise(&mut found, &race, start, request, control)?;
+            (asked, enough) = self.keeps_promise(found, &race, start, request, control)?;
         }
         let mut improved = None;
         if !enough {
-            part(&mut found, control, |found, control| self.solve_raced(found, race, request, control))?;
+            part(found, control, |found, control| self.solve_raced(found, race, request, control))?;
             enough = found.best.is_some() && only_smooth;
             if !enough && found.agreed && !given {
-                part(&mut found, control, |found, control| {
+                part(found, control, |found, control| {
                     self.improve(found, request, control)?;
                     enough = found.is_certified()?;
                     Ok(())
@@ -194,41 +244,35 @@ impl Ocp {
         if !enough && !asked && (found.best.is_none() || !over) {
             // a second opinion may take as long as the first
             let most = (found.agreed && !given).then_some(found.spent.iterations.max(OPINION));
-            let share = if found.best.is_some() { SEARCH } else { 1.0 };
-            match self.ask_homotopy(&mut found, start, (most, share), request, control) {
+            // without an answer what is behind it has as much time
+            let share = if found.best.is_some() { SEARCH } else { HALF };
+            match self.ask_homotopy(found, start, (most, share), request, control) {
                 Ok(_) => (),
                 // what the other starts found stays an answer where this one is asked to end
-                Err(Error::OutOfTime) if found.best.is_some() => return self.adopt(found, request, control, clock),
+                Err(Error::OutOfTime) if found.best.is_some() => (),
                 Err(e) => return Err(e),
             }
         }
-        if found.best.is_none() {
+        if found.best.is_none() && !allowance::is_over() {
             let failed = self.last_result()?.clone();
-            if allowance::is_over() {
-                return self.closest_of(found, failed, clock);
-            }
-            part(&mut found, control, |found, control| self.solve_from_simulations(found, &failed, request, control))?;
-            if found.best.is_none() {
-                return match allowance::is_over() {
-                    true => self.closest_of(found, failed, clock),
-                    false => self.spent_in_all(&found, clock),
-                };
-            }
+            part(found, control, |found, control| self.solve_from_simulations(found, &failed, request, control))?;
         }
-        part(&mut found, control, |found, control| self.aim_missed(found, request, control))?;
+        if found.best.is_none() {
+            return Ok(());
+        }
+        part(found, control, |found, control| self.aim_missed(found, request, control))?;
         if improved.is_none_or(|cost| found.cost() < cost) {
-            part(&mut found, control, |found, control| self.improve(found, request, control))?;
+            part(found, control, |found, control| self.improve(found, request, control))?;
         }
         if !only_smooth {
-            part(&mut found, control, |found, control| {
+            part(found, control, |found, control| {
                 if self.look_again(found, request, control)? {
                     self.improve(found, request, control)?;
                 }
                 Ok(())
             })?;
         }
-        part(&mut found, control, |found, control| self.settle(found, request, control))?;
-        self.adopt(found, request, control, clock)
+        part(found, control, |found, control| self.settle(found, request, control))
     }
 
     /// The point with the least violation of all solves of a search that is out of iterations.
@@ -251,7 +295,11 @@ impl Ocp {
         let mut inside = Request { start: OcpStart::Homotopy, ..*request };
         let limit = &mut inside.options.solver.max_iter;
         *limit = most.map_or(*limit, |most| most.min(*limit));
-        control.sooner(share, |control| self.run(start, &inside, control).map(|_| ()))?;
+        control.sooner(share, |control| {
+            let ended = self.run(start, &inside, control).map(|_| ());
+            found.cut = found.cut.or(stop::requested());
+            ended
+        })?;
         let r = self.last_result()?;
         let (exact, cost) = (r.is_exact() && r.polish == Polish::Done, r.priced);
         found.add(r);
@@ -720,7 +768,8 @@ impl Ocp {
     ) -> Result<&OcpResult> {
         let mut found = found;
         let cost = found.cost();
-        let Some((mut b, builds)) = found.best.take().and_then(|mut f| f.built.take().map(|b| (b, f.builds))) else {
+        let taken = found.best.take().and_then(|mut f| f.built.take().map(|b| (b, f.builds, f.result)));
+        let Some((mut b, builds, before)) = taken else {
             return Err(Error::Internal("no answer was found".into()));
         };
         let stage_params = b.extended.params.clone();
@@ -728,12 +777,22 @@ impl Ocp {
         self.measured = Some(found.known.clone());
         self.largest = self.largest.max(cost.abs());
         self.builds += builds;
-        let reported = self.report(&mut b, &stage_params, Statistics::default(), request, control);
+        let reported = self.report(&mut b, &stage_params, (Statistics::default(), None), request, control);
         self.built = Some(b);
         let mut r = reported?;
+        // where there is no time to judge it again
+        if let Some(known) = before.and_then(|b| b.optimality).filter(|_| stop::requested().is_some()) {
+            if r.optimality.as_ref().is_some_and(|o| o.verdict == Verdict::Unknown) {
+                r.optimality = Some(known);
+                self.withhold_verdict(&mut r);
+            }
+        }
         if let (Some(o), Some(verdict)) = (r.optimality.as_mut().filter(|o| o.is_open()), still) {
             o.certify_by_descent(verdict);
             self.withhold_verdict(&mut r);
+        }
+        if let Some(why) = found.cut {
+            r.tell_cut(why);
         }
         self.result = Some(r);
         self.spent_in_all(&found, clock)

@@ -1,6 +1,6 @@
 //! Optimal control of scenes: the problem as it was stated becomes one with contacts and jumps, its answer one like any other.
 
-use super::accuracy::Accuracy;
+use super::accuracy::{Accuracy, ELSEWHERE};
 use super::extend::Extended;
 use super::optimality::{Kink, Optimality, OTHER};
 use super::request::Request;
@@ -64,7 +64,8 @@ impl Ocp {
         let result = memory::bounded(self.settings.max_memory, || {
             bounded(&request, control, |control| self.run_scene(start, &request, control))
         })?;
-        Ok(self.result.insert(result))
+        self.result = Some(result);
+        self.conclude()
     }
 
     fn run_scene(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<OcpResult> {
@@ -95,6 +96,9 @@ impl Ocp {
                 }
             }
             result.optimality = Some(self.scene_optimality(&last.answer, followed));
+            if let Some(why) = stop::requested() {
+                result.tell_cut(why);
+            }
             self.scene.last = Some(last);
         } else {
             if let Some(paradox) = last.answer.paradox {
@@ -134,6 +138,9 @@ impl Ocp {
         result.message = self.scene_message(&last.problem, &last.answer);
         if result.message.is_empty() {
             result.message = left.as_ref().map_or_else(String::new, |l| l.0.clone());
+        }
+        if finer.off > ELSEWHERE * largest_state(&last.problem, &last.answer) {
+            result.ended = Some(Outcome::NotFollowed);
         }
         Ok((last, result, left.is_none_or(|l| l.1)))
     }
@@ -328,6 +335,7 @@ impl Ocp {
             accuracy: None,
             optimality: None,
             undefined: a.trouble.is_some(),
+            ended: None,
             adaptation: None,
             jumps: Vec::new(),
             contacts: Some(Contacts::new(p, a)),

@@ -8,6 +8,7 @@ use super::extend::{Extended, Statement};
 use super::identify::Identifier;
 use super::neighbours::Grid;
 use super::optimality::{Optimality, Verdict};
+use super::portfolio::SEARCH;
 use super::request::{Comparison, Request};
 use super::{Durations, Ocp, OcpResult, SLACK};
 use crate::dcs::Dcs;
@@ -244,6 +245,14 @@ impl Ocp {
                 solved.map(|_| ())
             })
         })?;
+        self.conclude()
+    }
+
+    /// The result of a solve that is over, with the outcome that says so of a solution that is no whole success.
+    pub(super) fn conclude(&mut self) -> Result<&OcpResult> {
+        if let Some(r) = self.result.as_mut() {
+            r.outcome = r.ended.unwrap_or(r.outcome);
+        }
         self.last_result()
     }
 
@@ -281,8 +290,13 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<OcpResult> {
         let given = self.prepare_solve(b, start, request)?;
-        let before = self.solve_discretised(b, &given, start, request, control)?;
-        self.report(b, &given.stage_params, before, request, control)
+        // a solve that is compared and judged leaves time for both
+        let share = if request.comparison.is_some() { SEARCH } else { 1.0 };
+        let (before, cut) = control.sooner(share, |control| {
+            let before = self.solve_discretised(b, &given, start, request, control);
+            (before, stop::requested())
+        });
+        self.report(b, &given.stage_params, (before?, cut), request, control)
     }
 
     /// Writes data and options into what was built.
@@ -422,12 +436,13 @@ impl Ocp {
         Ok(())
     }
 
-    /// The solution in the user's terms, compared with a simulation and explained as far as that is asked for.
+    /// The solution in the user's terms, compared with a simulation and explained as far as that is asked for; with what was spent before the last
+    /// solve, and why the solve was cut, where it was.
     pub(super) fn report(
         &mut self,
         b: &mut Built,
         stage_params: &[f64],
-        before: Statistics,
+        (before, cut): (Statistics, Option<Why>),
         request: &Request,
         control: &mut Control,
     ) -> Result<OcpResult> {
@@ -444,17 +459,23 @@ impl Ocp {
         let Built { problem, solver, bounds, extended, .. } = b;
         let solution = solver.solution();
         let w = &solution.x;
-        let mut case = Case { result: &result, problem, bounds, w, system: &extended.system };
+        let mut case = Case { result: &result, problem, bounds, w, system: &extended.system, cut };
         let found = self.diagnose(&mut case, request, control);
         result.take(found);
         if request.comparison.is_some() {
             self.name_choice(&mut result)?;
         }
-        if result.outcome == Outcome::Solved && allowance::is_over() {
+        if result.outcome == Outcome::Solved && result.accuracy.as_ref().is_some_and(|a| a.elsewhere) {
+            result.ended = Some(Outcome::NotFollowed);
+        }
+        if result.is_solution() && allowance::is_over() {
             let most = request.options.solver.max_iter;
             result.add_remark(&format!(
                 "all max_iter = {most} iterations are spent: the search for better answers was cut short"
             ));
+        }
+        if let Some(why) = cut {
+            result.tell_cut(why);
         }
         Ok(result)
     }
@@ -576,6 +597,7 @@ impl Ocp {
             cost_reached: cost,
             priced: cost + penalty,
             undefined: false,
+            ended: None,
             control_ends: if self.linear.contains(&true) { own(&ends) } else { own(&controls) },
             controls: own(&controls),
             durations,
@@ -668,12 +690,10 @@ impl Ocp {
         };
         let mut found = accuracy::measure(&mut engine, &answer)?;
         found.cost -= total - r.cost_reached;
-        if comparison.by_stage {
-            found.local = answer
-                .by_stage()
-                .iter()
-                .map(|a| Ok(accuracy::measure(&mut engine, a)?.terminal))
-                .collect::<Result<_>>()?;
+        if comparison.by_stage || (r.is_exact() && found.large().is_some()) {
+            let each = answer.by_stage();
+            let stages = each.iter().map(|a| accuracy::measure(&mut engine, a)).collect::<Result<Vec<Accuracy>>>()?;
+            found.take_stages(&stages);
         }
         self.engine = Some(engine);
         Ok(found)

@@ -80,7 +80,7 @@ impl Ocp {
             results[k] = end.and_then(|()| found.map_or_else(missing, Ok));
         }
         let value = |k: &usize| match &results[*k] {
-            Ok(r) if r.outcome == Outcome::Solved && !r.priced.is_nan() => (0, r.priced),
+            Ok(r) if r.is_solution() && !r.priced.is_nan() => (0, r.priced),
             Ok(r) => (1, r.residuals.primal),
             Err(_) => (2, 0.0),
         };

@@ -403,6 +403,7 @@ How a solve ended. Numbers are only ever added.
 - `SWB_OUTCOME_STALLED`: No progress is possible although the tolerance is not reached.
 - `SWB_OUTCOME_DIVERGING`: The iterates diverge.
 - `SWB_OUTCOME_FAILED`: There is no usable point; the call returned an error that says why.
+- `SWB_OUTCOME_NOT_FOLLOWED`: Of an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are another motion.
 - `SWB_OUTCOME_LOCALLY_INFEASIBLE`: Converged to a point that minimises the violation of the constraints locally; whether there is a point elsewhere is not known.
 """
 const swb_outcome = Int64
@@ -414,8 +415,9 @@ const SWB_OUTCOME_INFEASIBLE = swb_outcome(4)
 const SWB_OUTCOME_STALLED = swb_outcome(5)
 const SWB_OUTCOME_DIVERGING = swb_outcome(6)
 const SWB_OUTCOME_FAILED = swb_outcome(7)
+const SWB_OUTCOME_NOT_FOLLOWED = swb_outcome(8)
 const SWB_OUTCOME_LOCALLY_INFEASIBLE = swb_outcome(9)
-const NAMES_swb_outcome = [:solved => 0, :max_iter => 1, :max_time => 2, :stopped => 3, :infeasible => 4, :stalled => 5, :diverging => 6, :failed => 7, :locally_infeasible => 9]
+const NAMES_swb_outcome = [:solved => 0, :max_iter => 1, :max_time => 2, :stopped => 3, :infeasible => 4, :stalled => 5, :diverging => 6, :failed => 7, :not_followed => 8, :locally_infeasible => 9]
 
 """
 Was the active set identified and the smooth problem that remains solved?

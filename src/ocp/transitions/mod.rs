@@ -150,6 +150,7 @@ impl Ocp {
         let text = text.unwrap_or_default();
         if let Some(why) = stop::requested() {
             result.message = format!("{}: the search ended after {tried} sequences of transitions", why.words());
+            result.ended = Some(why.into()).filter(|_| result.outcome == Outcome::Solved);
         } else if result.outcome != Outcome::Solved {
             result.message = format!(
                 "none of the {tried} sequences of transitions that were tried has a solution; the nearest one ({text}) \

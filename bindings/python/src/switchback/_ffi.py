@@ -248,6 +248,7 @@ class Outcome(Names):
     STALLED = 5
     DIVERGING = 6
     FAILED = 7
+    NOT_FOLLOWED = 8
     LOCALLY_INFEASIBLE = 9
 
 
