@@ -948,10 +948,8 @@ impl Nmpc {
         let failed = self.monitor.failed_linearisations;
         let done = self.search_branches(max_iter, 0.0)?;
         if self.monitor.failed_linearisations > failed || !self.lin.is_ready() {
-            let why = match self.model.stage.failure() {
-                Some(failure) => failure,
-                None => "functions have no value there, or the problem is not convex",
-            };
+            let unknown = "functions have no value there, or the problem is not convex";
+            let why = self.model.stage.failure().unwrap_or(unknown);
             return Err(Error::Numeric(format!(
                 "there is no linearisation of the plan from this state: {why}; give another guess"
             )));

@@ -288,6 +288,7 @@ class ClosedLoop(Recorded):
     sources   where each came from
     cost      sum of the costs of the samples; NaN without `cost`
     preparation, feedback    [steps] seconds
+    names     names of the plant's states and controls, as far as it has any
     """
 
     t: Array
@@ -298,10 +299,11 @@ class ClosedLoop(Recorded):
     cost: float
     preparation: Array = field(repr=False)
     feedback: Array = field(repr=False)
+    names: tuple[list[str], list[str]] = field(default=([], []), repr=False)
 
     def _series(self) -> tuple[Array, dict[str, Array]]:
         controls = numpy.vstack([self.u, self.u[-1:]]) if len(self.u) else self.u
-        names = labels((), "x", self.x.shape[1]), labels((), "u", self.u.shape[1])
+        names = labels(self.names[0], "x", self.x.shape[1]), labels(self.names[1], "u", self.u.shape[1])
         return self.t, {**dict(zip(names[0], self.x.T)), **dict(zip(names[1], controls.T))}
 
     def _facts(self) -> dict[str, Any]:
@@ -313,14 +315,17 @@ class ClosedLoop(Recorded):
         return f"<ClosedLoop of {len(self.u)} samples from {self.t[0]:g} to {self.t[-1]:g}{priced}>"
 
     def plot(self, path: Any = None, names: Any = None) -> Any:
-        """States above controls over time, written to `path` if one is given. Needs matplotlib."""
+        """States above controls over time, written to `path` if one is given; `names` are those of the states in the place of the plant's.
+        Needs matplotlib."""
         import matplotlib.pyplot as plt
 
         figure, axes = plt.subplots(2, 1, sharex=True, figsize=(7, 5))
+        states = labels(names or self.names[0], "x", self.x.shape[1])
+        controls = labels(self.names[1], "u", self.u.shape[1])
         for i in range(self.x.shape[1]):
-            axes[0].plot(self.t, self.x[:, i], label=names[i] if names else f"x{i}")
+            axes[0].plot(self.t, self.x[:, i], label=states[i])
         for j in range(self.u.shape[1]):
-            axes[1].step(self.t, numpy.append(self.u[:, j], self.u[-1, j]), where="post", label=f"u{j}")
+            axes[1].step(self.t, numpy.append(self.u[:, j], self.u[-1, j]), where="post", label=controls[j])
         for a in axes:
             a.legend(loc="best", fontsize="small")
             a.grid(alpha=0.3)
@@ -433,4 +438,6 @@ def closed_loop(
         report.add()
     report.close()
     grid = t0 + ts * numpy.arange(steps + 1)
-    return ClosedLoop(grid, numpy.array(states), numpy.array(measured), numpy.array(controls), sources, total, *times)
+    known = system_of(plant)._names if isinstance(plant, (System, Model)) else ((), ())
+    names = list(known[0]), list(known[1])
+    return ClosedLoop(grid, numpy.array(states), numpy.array(measured), numpy.array(controls), sources, total, *times, names)
