@@ -117,6 +117,8 @@ pub struct Program {
     constraints: Option<SharedFunction>,
     hessian: Option<(Pattern, Arc<LagrangianFn>)>,
     pub(super) members: Vec<(Member, Member)>,
+    /// Is a constraint a member of a pair? `[m]`
+    paired: Vec<bool>,
     pub(super) names: Names,
     bounds: Bounds,
     params: Vec<f64>,
@@ -144,6 +146,7 @@ impl Program {
             constraints,
             hessian: None,
             members: Vec::new(),
+            paired: vec![false; m],
             names: Names::default(),
             bounds: Bounds::free(n, m),
             params: vec![0.0; np],
@@ -467,12 +470,17 @@ pub unsafe extern "C" fn swb_mpcc_add_pair(
             if pair.0 == pair.1 {
                 return Err(Error::Range("both members of the pair are the same".into()));
             }
-            let rows = || p.members.iter().flat_map(|m| [m.0, m.1]);
             for member in [pair.0, pair.1] {
-                if let (Member::Row(i), true) = (member, rows().any(|m| m == member)) {
+                let Member::Row(i) = member else { continue };
+                if p.paired[i] {
                     return Err(Error::Range(format!(
                         "constraint {i} is in a pair already: make it a variable of its own and use that in both"
                     )));
+                }
+            }
+            for member in [pair.0, pair.1] {
+                if let Member::Row(i) = member {
+                    p.paired[i] = true;
                 }
             }
             p.members.push(pair);

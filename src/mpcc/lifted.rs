@@ -49,6 +49,7 @@ impl<P: Nlp> Lifted<P> {
             }
         }
         let mut lifts: Vec<(usize, usize)> = Vec::new();
+        let mut lifted = vec![false; m];
         let mut copies: Vec<(usize, usize)> = Vec::new();
         let mut place = |mem: Member, k: usize| -> Result<usize> {
             match mem {
@@ -60,7 +61,7 @@ impl<P: Nlp> Lifted<P> {
                 Member::Variable(j) => Err(Error::Range(format!("pair {k} names variable {j}, the problem has {n0}"))),
                 Member::Row(i) if i >= m => Err(Error::Range(format!("pair {k} names row {i}, the problem has {m}"))),
                 Member::Row(i) => {
-                    if lifts.iter().any(|l| l.0 == i) {
+                    if std::mem::replace(&mut lifted[i], true) {
                         return Err(Error::Range(format!(
                             "row {i} is in two pairs: lift it to a variable and use that in both"
                         )));
