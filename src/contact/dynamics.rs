@@ -120,8 +120,13 @@ pub(crate) struct Dynamics {
     pub(super) lambda: Vec<f64>,
     /// Directions of sliding where the sliding velocity is zero, of contacts in space that begin to slide.
     pub(crate) directions: Vec<[f64; 2]>,
+    /// Those of the contacts that begin to slide at the point of the last accelerations, see [`super::breakaway`].
+    pub(super) settled: Vec<[f64; 2]>,
     /// Those of the choice of modes that was begun last, contact by contact, until somebody notes them.
     pub(crate) starting: Vec<(usize, [f64; 2])>,
+    /// Sliding velocity that tolerances do not see, of contacts in space that have begun to slide: while no more of it goes across
+    /// they go where they accelerate to, see [`super::breakaway`]. Zero for others.
+    pub(crate) begins: Vec<f64>,
     /// Largest sliding velocity of a contact in space since it began to slide.
     pub(crate) fastest: Vec<f64>,
     pub(super) buffer: Vec<f64>,
@@ -186,7 +191,9 @@ impl Dynamics {
             kept: Vec::with_capacity(m.contacts.len()),
             lambda: Vec::with_capacity(some),
             directions: vec![[0.0; 2]; m.contacts.len()],
+            settled: vec![[0.0; 2]; m.contacts.len()],
             starting: Vec::new(),
+            begins: vec![0.0; m.contacts.len()],
             fastest: vec![0.0; m.contacts.len()],
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],
@@ -292,12 +299,12 @@ impl Dynamics {
         if self.mechanics.contacts[i].n_tangents == 1 {
             return [if m == mode::SLIDES_BACK { -1.0 } else { 1.0 }, 0.0];
         }
+        // a contact that has begun to slide has no velocity yet: it goes where it will go
+        if self.has_no_direction(i) {
+            return if self.begins[i] > 0.0 { self.settled[i] } else { self.directions[i] };
+        }
         let s = self.blocks[i].sliding;
         let size = s[0].hypot(s[1]);
-        // a contact that has begun to slide has no velocity yet: it goes where it will go
-        if size <= STOP * self.fastest[i] || size == 0.0 || self.carried[i] {
-            return self.directions[i];
-        }
         [s[0] / size, s[1] / size]
     }
 
@@ -307,6 +314,9 @@ impl Dynamics {
             self.directions[i] = self.direction(i, m);
             let s = self.blocks[i].sliding;
             self.fastest[i] = self.fastest[i].max(s[0].hypot(s[1]));
+            if self.begins[i] > 0.0 && self.has_begun(i) {
+                self.begins[i] = 0.0;
+            }
         }
     }
 
@@ -431,10 +441,30 @@ impl Dynamics {
                     self.load_contact(at, self.rows[i].contact)?;
                 }
             }
+            // an evaluation knows nothing of those before it
+            self.settled.copy_from_slice(&self.directions);
             self.assemble(modes)?;
             self.keep(modes);
         }
+        self.solve_held();
+        if !kept {
+            self.settle_directions(modes)?;
+        }
+        for (i, set) in modes.iter().enumerate() {
+            if Dynamics::slides(set[0]) {
+                let (d, mu) = (self.direction(i, set[0]), self.blocks[i].friction);
+                for k in 0..self.mechanics.contacts[i].n_tangents {
+                    self.forces[i][1 + k] = -mu * self.forces[i][0] * d[k];
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Forces of what is held, and the accelerations with them.
+    pub(super) fn solve_held(&mut self) {
         let n_v = self.mechanics.n_v;
+        self.acceleration.copy_from_slice(&self.free);
         self.lambda.clear();
         for r in &self.rows {
             let b = &self.blocks[r.contact];
@@ -448,15 +478,6 @@ impl Dynamics {
             self.forces[r.contact][r.component] = *l;
             self.acceleration.iter_mut().zip(y).for_each(|(a, y)| *a += l * y);
         }
-        for (i, set) in modes.iter().enumerate() {
-            if Dynamics::slides(set[0]) {
-                let (d, mu) = (self.direction(i, set[0]), self.blocks[i].friction);
-                for k in 0..self.mechanics.contacts[i].n_tangents {
-                    self.forces[i][1 + k] = -mu * self.forces[i][0] * d[k];
-                }
-            }
-        }
-        Ok(())
     }
 
     /// Adds to forces of least norm what of the reference changes nothing of the motion: rigid bodies do not say how they share

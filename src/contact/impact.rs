@@ -40,6 +40,8 @@ pub(crate) struct Impact {
     pub(crate) parts: Vec<Impulse>,
     /// There is one solution only.
     pub(crate) unique: bool,
+    /// That there are no other solutions is proven.
+    pub(crate) proven: bool,
     /// Other impulses have the same effect.
     pub(crate) redundant: bool,
 }
@@ -120,7 +122,12 @@ impl Dynamics {
         for (r, y) in s.r.iter().zip(self.y.chunks_exact(n_v)) {
             x[n_q..].iter_mut().zip(y).for_each(|(v, y)| *v += r * y);
         }
-        let mut out = Impact { unique: found.all.len() == 1, redundant: found.redundant, ..Impact::default() };
+        let mut out = Impact {
+            unique: found.all.len() == 1,
+            proven: found.proven,
+            redundant: found.redundant,
+            ..Impact::default()
+        };
         for (k, &(contact, e)) in contacts.iter().enumerate() {
             let (p, b) = (&problem.parts[k], &self.blocks[contact]);
             let (rate, restitution) = (b.gap[1], e.unwrap_or(b.restitution));
@@ -242,7 +249,7 @@ impl Dynamics {
                     force.iter_mut().zip(b.tangent(k)).for_each(|(f, t)| *f -= b.friction * d[k] * t);
                 }
                 let size = b.sliding[0].hypot(b.sliding[1]);
-                if n_t == 2 && size > 0.0 {
+                if n_t == 2 && !self.has_no_direction(r.contact) {
                     let weight = b.friction * impulses[r.contact][0] / size;
                     for (k, l) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                         let turn = weight * (f64::from(u8::from(k == l)) - d[k] * d[l]);

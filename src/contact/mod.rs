@@ -9,6 +9,7 @@
 //! are linear in `v̇` and the forces ([`Dynamics`]). Which modes may follow at a point, and what an impact does to the
 //! velocities, are complementarity problems of the same form ([`problem`]).
 
+mod breakaway;
 mod dynamics;
 mod impact;
 mod inertia;
@@ -22,7 +23,7 @@ mod share;
 
 pub(crate) use dynamics::{Block, Dynamics, Forces, STOP};
 pub(crate) use impact::Impulse;
-pub(crate) use modes::{Closed, Follow, ZERO};
+pub(crate) use modes::{Choice, Closed, Follow, ZERO};
 
 /// Modes of a contact, as results number them.
 pub(crate) mod mode {

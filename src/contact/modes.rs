@@ -14,6 +14,8 @@ pub(crate) struct Choice {
     pub(crate) modes: Vec<Vec<usize>>,
     /// Directions of contacts in space that begin to slide.
     directions: Vec<(usize, [f64; 2])>,
+    /// Those of them that have no sliding velocity.
+    pub(crate) begin: Vec<usize>,
     /// Forces of the closed contacts, where there are many and they are not unique: those well within the friction.
     forces: Vec<(usize, Forces)>,
 }
@@ -67,7 +69,9 @@ impl Dynamics {
             let size = (0..=n_t).map(|k| sum(b.row(k), &self.free) + b.rest_of(k).abs()).fold(lately, f64::max);
             let s = b.sliding;
             let speed = s[0].hypot(s[1]);
-            let slides = (n_t > 0 && !c.rests && speed > 0.0).then(|| [s[0] / speed, s[1] / speed]);
+            let begins = n_t == 2 && self.follows(c.contact);
+            let along = || if begins { self.settled[c.contact] } else { [s[0] / speed, s[1] / speed] };
+            let slides = (n_t > 0 && !c.rests && speed > 0.0).then(along);
             problem.parts.push(Part { first, n_t, friction: b.friction, slides, size });
             problem.start.extend_from_slice(&self.forces[c.contact][..=n_t]);
             first += 1 + n_t;
@@ -76,7 +80,7 @@ impl Dynamics {
         let shared = found.shared;
         let mut out = Follow::default();
         let r = found.all.iter().try_for_each(|s| {
-            let choice = self.choice(closed, s, shared);
+            let choice = self.choice(closed, &problem.parts, s, shared);
             if self.do_not_go_on(at, closed, &problem, s, &choice, length)?.is_empty() {
                 out.all.push(choice);
             }
@@ -93,11 +97,15 @@ impl Dynamics {
         r.map(|()| out)
     }
 
-    fn choice(&self, closed: &[Closed], s: &Solution, shared: bool) -> Choice {
-        let mut out =
-            Choice { modes: vec![vec![mode::OPEN]; self.n_contacts()], directions: Vec::new(), forces: Vec::new() };
+    fn choice(&self, closed: &[Closed], parts: &[Part], s: &Solution, shared: bool) -> Choice {
+        let mut out = Choice {
+            modes: vec![vec![mode::OPEN]; self.n_contacts()],
+            directions: Vec::new(),
+            begin: Vec::new(),
+            forces: Vec::new(),
+        };
         let mut first = 0;
-        for (c, state) in closed.iter().zip(&s.states) {
+        for ((c, p), state) in closed.iter().zip(parts).zip(&s.states) {
             let n_t = self.mechanics.contacts[c.contact].n_tangents;
             let mut force = [0.0; 3];
             force[..=n_t].copy_from_slice(&s.r[first..=first + n_t]);
@@ -111,6 +119,7 @@ impl Dynamics {
                 State::Slides(d) => {
                     if n_t == 2 {
                         out.directions.push((c.contact, *d));
+                        out.begin.extend(p.slides.is_none().then_some(c.contact));
                     }
                     if n_t == 1 && d[0] < 0.0 {
                         mode::SLIDES_BACK
@@ -129,12 +138,13 @@ impl Dynamics {
         self.reference.fill([0.0; 3]);
         choice.forces.iter().for_each(|&(i, f)| self.reference[i] = f);
         for &(i, d) in &choice.directions {
-            self.directions[i] = d;
+            (self.directions[i], self.settled[i]) = (d, d);
             // so small a velocity is rounding: the direction is that which is given
             let b = &self.blocks[i];
             let noise = 64.0 * f64::EPSILON * b.sliding[0].hypot(b.sliding[1]).max(f64::MIN_POSITIVE);
             self.fastest[i] = noise;
         }
+        choice.begin.iter().for_each(|&i| self.begins[i] = f64::INFINITY);
     }
 
     /// Several contacts may have to change together where they are at the border between two states: those that do not go on
@@ -149,7 +159,7 @@ impl Dynamics {
     ) -> Result<Option<Choice>, EvalError> {
         let n = problem.parts.len();
         for pass in 0..3 * n {
-            let choice = self.choice(closed, &s, shared);
+            let choice = self.choice(closed, &problem.parts, &s, shared);
             let mut wrong = self.do_not_go_on(at, closed, problem, &s, &choice, length)?;
             if wrong.is_empty() {
                 return Ok(Some(choice));
@@ -234,25 +244,17 @@ impl Dynamics {
         zeros(&mut forces, 3 * m.contacts.len());
         self.begin(choice);
         self.along_motion(at, &choice.modes, &mut rates, &mut forces)?;
-        let columns = self.columns(at);
-        let a = self.acceleration.clone();
         let mut check = || -> Result<Vec<(usize, State)>, EvalError> {
+            self.turn(at, &choice.begin, (&mut rates[m.n_q..], &mut forces), &mut row)?;
             let mut wrong = Vec::new();
             for q in &zero {
-                let c = &m.contacts[q.contact];
                 let mut rate = 0.0;
-                for k in 0..=c.n_tangents {
+                for k in 0..=m.contacts[q.contact].n_tangents {
                     if q.r[k] != 0.0 {
                         rate += q.r[k] * forces[3 * q.contact + k];
                     }
                     if q.z[k] != 0.0 {
-                        zeros(&mut row, 1);
-                        self.extend(at, &a, &[0.0; 3][..1 + c.n_tangents]);
-                        let there = Point { p: &self.extended, ..*at };
-                        let room = (&mut self.buffer[..], &mut self.work[..]);
-                        let pick = |i: usize| (i == m.n_v + k).then_some((0, 1.0));
-                        add_jacobian(c.reaction.as_ref(), &there, &columns, &pick, &mut row, room)?;
-                        rate += q.z[k] * (row[0] + dot(self.blocks[q.contact].row(k), &rates[m.n_q..]));
+                        rate += q.z[k] * self.third_rate(at, (q.contact, k), &rates[m.n_q..], &mut row)?;
                     }
                 }
                 if rate * length < -ZERO * q.size {
@@ -266,5 +268,54 @@ impl Dynamics {
         let l = &mut self.linearised;
         (l.jacobian, l.of_forces, l.row) = (rates, forces, row);
         fine
+    }
+
+    /// Rate of the acceleration of component `k` of a contact, where the accelerations have these `rates` along the motion.
+    fn third_rate(
+        &mut self,
+        at: &At,
+        (contact, k): (usize, usize),
+        rates: &[f64],
+        row: &mut Vec<f64>,
+    ) -> Result<f64, EvalError> {
+        let m = self.mechanics.clone();
+        let c = &m.contacts[contact];
+        zeros(row, 1);
+        let a = std::mem::take(&mut self.acceleration);
+        self.extend(at, &a, &[0.0; 3][..1 + c.n_tangents]);
+        self.acceleration = a;
+        let columns = self.columns(at);
+        let there = Point { p: &self.extended, ..*at };
+        let room = (&mut self.buffer[..], &mut self.work[..]);
+        let pick = |i: usize| (i == m.n_v + k).then_some((0, 1.0));
+        add_jacobian(c.reaction.as_ref(), &there, &columns, &pick, row, room)?;
+        Ok(row[0] + dot(self.blocks[contact].row(k), rates))
+    }
+
+    /// Adds what contacts in space that begin to slide do by turning to the rates of accelerations and forces.
+    fn turn(
+        &mut self,
+        at: &At,
+        begin: &[usize],
+        (rates, forces): (&mut [f64], &mut [f64]),
+        row: &mut Vec<f64>,
+    ) -> Result<(), EvalError> {
+        let turning = |i: &usize| self.blocks[*i].friction * self.forces[*i][0] > 0.0;
+        let begin: Vec<usize> = begin.iter().copied().filter(turning).collect();
+        if begin.is_empty() {
+            return Ok(());
+        }
+        let mut jerks = Vec::with_capacity(begin.len());
+        for &i in &begin {
+            jerks.push([self.third_rate(at, (i, 1), rates, row)?, self.third_rate(at, (i, 2), rates, row)?]);
+        }
+        let Some((turning, angles)) = self.turning_rates(&begin, &jerks) else { return Ok(()) };
+        for (j, w) in angles.iter().enumerate() {
+            rates.iter_mut().zip(&turning.accelerations[j]).for_each(|(r, a)| *r += w * a);
+            for (row, l) in self.rows.iter().zip(&turning.forces[j]) {
+                forces[3 * row.contact + row.component] += w * l;
+            }
+        }
+        Ok(())
     }
 }

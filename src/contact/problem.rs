@@ -91,6 +91,8 @@ pub(crate) struct Solutions {
     pub(crate) redundant: bool,
     /// The forces are those that stay within the cones of friction, see [`super::share`].
     pub(crate) shared: bool,
+    /// There are no others: all states were tried, or there is no friction.
+    pub(crate) proven: bool,
 }
 
 /// Combinations of states that are all tried.
@@ -125,14 +127,20 @@ impl Problem {
         let n = self.parts.iter().try_fold(1usize, |n, p| n.checked_mul(Problem::n_options(p)));
         match n {
             Some(n) if n <= COMBINATIONS => self.try_all(n, room),
+            _ if self.parts.len() == 1 => self.solve_alone(room),
             _ => {
                 let found = self.iterate(room).map(|mut s| {
                     let redundant = self.share_loads(&mut s);
-                    Solutions { redundant, shared: redundant, all: self.readings(s) }
+                    Solutions { redundant, shared: redundant, all: self.readings(s), proven: self.is_frictionless() }
                 });
                 found.unwrap_or_default()
             }
         }
+    }
+
+    /// Without friction the problem is the condition for a minimum of a convex function: the motion is unique.
+    fn is_frictionless(&self) -> bool {
+        self.parts.iter().all(|p| p.n_t == 0 || p.friction == 0.0)
     }
 
     /// Forgets all contacts, and keeps the memory.
@@ -164,7 +172,6 @@ impl Problem {
     }
 
     fn try_all(&self, n: usize, room: &mut Room) -> Solutions {
-        let mut out = Solutions::default();
         let mut found: Vec<(usize, Solution)> = Vec::new();
         let mut trial = std::mem::take(&mut room.trial);
         for code in 0..n {
@@ -181,6 +188,12 @@ impl Problem {
             }
         }
         room.trial = trial;
+        self.distinct(found)
+    }
+
+    /// The solutions that differ, each found with the number of its open contacts.
+    pub(super) fn distinct(&self, mut found: Vec<(usize, Solution)>) -> Solutions {
+        let mut out = Solutions { proven: true, ..Solutions::default() };
         found.sort_by_key(|f| f.0);
         for (_, s) in found {
             // the same motion by other forces is redundancy; by the same forces it is another reading of what is zero
@@ -193,7 +206,7 @@ impl Problem {
     }
 
     /// Writes the `r` and `z` of the states of `s`; false where there are none.
-    fn with_states(&self, s: &mut Solution, room: &mut Room) -> bool {
+    pub(super) fn with_states(&self, s: &mut Solution, room: &mut Room) -> bool {
         let n = self.n();
         let Room { solver, held, b, .. } = room;
         held.clear();

@@ -178,7 +178,7 @@ impl Dynamics {
         self.add_motion(at, i, &columns, zeros(own, (1 + n_t) * n_z))?;
         let (d, b) = (self.direction(i, m), &self.blocks[i]);
         let size = b.sliding[0].hypot(b.sliding[1]);
-        let turns = n_t == 2 && size > 0.0;
+        let turns = n_t == 2 && !self.has_no_direction(i);
         let (dmu, ds) = own.split_at_mut(n_z);
         for z in 0..n_z {
             let along = if turns { d[0] * ds[z] + d[1] * ds[n_z + z] } else { 0.0 };

@@ -34,11 +34,10 @@ impl Run {
                 .eval(t, 0, &mut x)?;
         }
         let mut dynamics = Dynamics::new(mechanics);
-        // what has just begun to slide has a velocity that is rounding: its direction is the one it begins with
-        if t - phase.t <= 1e-10 * t.abs().max(phase.t.abs()) {
-            for &(i, direction) in &phase.starting {
-                (dynamics.directions[i], dynamics.fastest[i]) = (direction, f64::INFINITY);
-            }
+        // what has just begun to slide has a velocity that is rounding: its direction is that of its acceleration
+        for start in &phase.starting {
+            dynamics.directions[start.contact] = start.direction;
+            dynamics.begins[start.contact] = start.unseen;
         }
         let at = Point { t, x: &x, u: &phase.u, p: &phase.p };
         match dynamics.accelerate(&at, &modes) {

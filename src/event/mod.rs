@@ -256,6 +256,18 @@ pub struct Impact {
     pub dt: Vec<f64>,
 }
 
+/// A contact in space that slides from the start of a phase on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// The contact.
+    pub contact: usize,
+    /// The direction it begins with.
+    pub direction: [f64; 2],
+    /// Sliding velocity that the tolerances do not see: while no more goes across, the contact goes where it accelerates to. Zero
+    /// for one that has slid before.
+    pub unseen: f64,
+}
+
 /// Contact modes, controls and parameters from a time on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Phase {
@@ -266,7 +278,7 @@ pub struct Phase {
     /// Contacts are redundant: the motion is unique, the forces are those of least norm among many.
     pub redundant: bool,
     /// Contacts in space that slide from here on, and the directions they begin with.
-    pub starting: Vec<(usize, [f64; 2])>,
+    pub starting: Vec<Start>,
     /// Controls.
     pub u: Vec<f64>,
     /// Parameters.
@@ -420,7 +432,7 @@ impl Run {
         let phases = self
             .phases
             .iter()
-            .map(|p| 8 * (p.modes.len() + p.u.len() + p.p.len() + 3 * p.starting.len()))
+            .map(|p| 8 * (p.modes.len() + p.u.len() + p.p.len() + 4 * p.starting.len()))
             .sum::<usize>();
         path + jumps
             + impacts

@@ -10,7 +10,7 @@ use crate::contact::{self, mode, Closed};
 use crate::error::{Error, Result};
 use crate::event::field::Contacts;
 use crate::event::watch::{ContactWatch, Watch};
-use crate::event::{Continuation, ImpactKind, Outcome, Phase};
+use crate::event::{Continuation, ImpactKind, Outcome, Phase, Start};
 use crate::func::{EvalError, Point};
 
 /// Impacts in no time at most.
@@ -411,6 +411,12 @@ impl Engine {
         let (u, p) = (field.u.clone(), field.p.clone());
         let mut starting = starting.unwrap_or_default();
         starting.retain(|(i, _)| field.active[*i][0] == mode::SLIDES);
+        let starting = starting.into_iter().map(|(contact, direction)| Start {
+            contact,
+            direction,
+            unseen: field.scene().map_or(0.0, |c| c.dynamics.begins[contact]),
+        });
+        let starting = starting.collect();
         self.phases.push(Phase { t: self.t, modes: modes().collect(), redundant, starting, u, p });
     }
 
@@ -654,7 +660,8 @@ impl Engine {
             }
         }
         let choice = &all[taken];
-        self.field.with_contacts(self.t, &self.x, |c, _, _| c.dynamics.begin(choice));
+        let (rtol, atol) = (&self.rtol, &self.atol);
+        self.field.with_contacts(self.t, &self.x, |c, at, _| c.begin(choice, at, (rtol, atol)));
         self.field.set_active(&choice.modes);
         Ok(unique)
     }
@@ -713,6 +720,22 @@ impl Engine {
 }
 
 impl Contacts {
+    /// Begins with these modes. As long as the tolerances do not see the velocity of a slide, it says nothing of its direction.
+    fn begin(&mut self, choice: &contact::Choice, at: &Point, (rtol, atol): (&[f64], &[f64])) {
+        let d = &mut self.dynamics;
+        d.begin(choice);
+        let slides = choice.modes.iter().map(|set| set[0] == mode::SLIDES);
+        d.begins.iter_mut().zip(slides).filter(|(_, slides)| !slides).for_each(|(b, _)| *b = 0.0);
+        let n_q = d.mechanics.n_q;
+        for &i in &choice.begin {
+            let unseen = |k: usize| -> f64 {
+                let tangent = d.tangent(i, k).iter().enumerate();
+                tangent.map(|(j, b)| b.abs() * (rtol[n_q + j] * at.x[n_q + j].abs() + atol[n_q + j])).sum()
+            };
+            d.begins[i] = unseen(0).max(unseen(1)).max(f64::MIN_POSITIVE);
+        }
+    }
+
     /// What of the gap of contact `i`, and of its rate, the tolerances do not see; its normal is loaded.
     fn unseen(
         &mut self,

@@ -389,6 +389,8 @@ impl Engine {
         fast(self.stiff[self.stiff.len() - 1]) && self.field.active.is_empty()
             || self.field.active_cells().any(|c| fast(self.stiff[c]))
             || self.field.active.iter().zip(&self.stiff_slides).any(slid)
+            // the direction of a slide in space turns at a rate that falls with the velocity, from infinity
+            || self.field.scene().is_some_and(|c| c.dynamics.begins.iter().any(|b| *b > 0.0))
     }
 
     /// Step length after a success.

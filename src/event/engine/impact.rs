@@ -194,7 +194,7 @@ impl Engine {
         });
         let Some(impact) = r.unwrap_or(Ok(None))? else { return Ok(None) };
         let unique = impact.unique && kind != ImpactKind::Painleve;
-        self.record(&impact.parts, kind, unique && !impact.redundant);
+        self.record(&impact.parts, kind, unique && impact.proven && !impact.redundant);
         self.jump_to(&after, recorded);
         self.scene.after = after;
         Ok(Some(unique))

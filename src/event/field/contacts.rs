@@ -298,6 +298,7 @@ impl Field {
     pub(in crate::event) fn carry_none(&mut self) {
         if let Some(c) = &mut self.contacts {
             c.dynamics.carried.fill(false);
+            c.dynamics.begins.fill(0.0);
         }
     }
 
