@@ -3664,6 +3664,23 @@ typedef struct swb_accuracy {
      * Cost of the solution less that of the simulation.
      */
     double cost_error;
+    /**
+     * Largest violation of a path constraint or of a bound of a state along the simulation, also between the points at which they are
+     * imposed, in their unit; 0 where there is none.
+     */
+    double along_violation;
+    /**
+     * Its time; NaN where there is none.
+     */
+    double along_time;
+    /**
+     * Number of that path constraint, in the order in which they were added; -1 for a bound of a state, -2 where there is none.
+     */
+    int64_t along_constraint;
+    /**
+     * Row of the path constraint, or the state.
+     */
+    int64_t along_row;
 } swb_accuracy;
 
 /**

@@ -8,7 +8,7 @@ use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
 use crate::error::{Error, Result};
-use crate::ocp::{Accuracy, OcpResult};
+use crate::ocp::{Accuracy, Along, OcpResult};
 use std::ffi::c_char;
 
 /// Comparison of an optimal control with a simulation of its controls: by the event-driven engine, or by finite elements of
@@ -32,12 +32,22 @@ pub struct swb_accuracy {
     pub cost: f64,
     /// Cost of the solution less that of the simulation.
     pub cost_error: f64,
+    /// Largest violation of a path constraint or of a bound of a state along the simulation, also between the points at which they are
+    /// imposed, in their unit; 0 where there is none.
+    pub along_violation: f64,
+    /// Its time; NaN where there is none.
+    pub along_time: f64,
+    /// Number of that path constraint, in the order in which they were added; -1 for a bound of a state, -2 where there is none.
+    pub along_constraint: i64,
+    /// Row of the path constraint, or the state.
+    pub along_row: i64,
 }
 unsafe impl Sized8 for swb_accuracy {}
 
 impl swb_accuracy {
     fn of(a: &Accuracy) -> swb_accuracy {
         let worst = a.stages.iter().fold(0.0, |m: f64, v| if v.is_nan() { *v } else { m.max(*v) });
+        let between = a.between();
         swb_accuracy {
             struct_size: 0,
             reached: i64::from(a.reached()),
@@ -47,6 +57,13 @@ impl swb_accuracy {
             terminal_violation: a.terminal_violation,
             cost: a.cost,
             cost_error: a.cost_error,
+            along_violation: between.map_or(0.0, |b| b.value),
+            along_time: between.map_or(f64::NAN, |b| b.t),
+            along_constraint: between.map_or(-2, |b| match b.of {
+                Along::Path(k) => k as i64,
+                Along::State => -1,
+            }),
+            along_row: between.map_or(0, |b| b.row as i64),
         }
     }
 }

@@ -113,6 +113,11 @@ impl Fesd {
                 b.cu[r..r + p.upper.len()].copy_from_slice(&p.upper);
             }
         }
+        for (i, &r) in self.spec.inside.iter().zip(rows) {
+            let p = &self.spec.path[i.path];
+            b.cl[r..r + p.lower.len()].copy_from_slice(&p.lower);
+            b.cu[r..r + p.upper.len()].copy_from_slice(&p.upper);
+        }
         for (t, &r) in self.spec.terminal.iter().zip(&l.row_terminal) {
             b.cl[r..r + t.lower.len()].copy_from_slice(&t.lower);
             b.cu[r..r + t.upper.len()].copy_from_slice(&t.upper);

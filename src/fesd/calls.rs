@@ -49,6 +49,14 @@ impl<'a> Builder<'a> {
         at
     }
 
+    /// The inputs of functions of the states of several points of an element.
+    pub(super) fn points(&mut self, points: &[usize], stage: usize) -> usize {
+        let at = self.inputs.len();
+        points.iter().for_each(|&x| self.states(x));
+        self.others(points[0], stage);
+        at
+    }
+
     /// The inputs of functions of both ends.
     pub(super) fn ends(&mut self, x0: usize, x: usize, stage: usize) -> usize {
         let at = self.inputs.len();

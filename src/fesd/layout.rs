@@ -1,6 +1,7 @@
 //! Variables and rows of the discretised problem, numbered in the order of time.
 
 use super::eta::Shape;
+use super::inside::Inside;
 use crate::dcs::{Across, Dcs, Form};
 use crate::error::{Error, Result};
 use crate::settings::{Cross, Discretisation, Settings, StageForm, StepEquilibration};
@@ -175,6 +176,8 @@ pub struct Spec {
     pub boundary: Vec<Boundary>,
     /// Complementarity conditions along the horizon.
     pub complementarity: Vec<PathPairs>,
+    /// Points inside of elements at which path constraints hold too.
+    pub inside: Vec<Inside>,
 }
 
 impl Spec {
@@ -195,6 +198,7 @@ impl Spec {
             terminal: Vec::new(),
             boundary: Vec::new(),
             complementarity: Vec::new(),
+            inside: Vec::new(),
         }
     }
 
@@ -573,6 +577,9 @@ impl Layout {
             for _ in 0..p.at.n_points(&spec.n_fe, n_s) {
                 l.row_path.push(row.take(p.f.n_out()));
             }
+        }
+        for i in &spec.inside {
+            l.row_path.push(row.take(spec.path[i.path].f.n_out()));
         }
         for t in &spec.terminal {
             l.row_terminal.push(row.take(t.f.n_out()));

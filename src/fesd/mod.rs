@@ -17,7 +17,7 @@
 //! `layout` numbers variables and rows, `calls` says where the inputs of model functions come from, `problem` evaluates the
 //! model, `adopt` starts from the solution of another method, `assemble` and `hessian` write rows and derivatives, `branch`
 //! the bounds, `start` and `restart` starting points for an active set and behind a switch, `trajectory` reads solutions,
-//! `places` says what numbers stand for, `outer` what acts on states from outside the dynamics. This layer does not know the solver.
+//! `inside` holds constraints between stage points, `places` says what numbers stand for, `outer` what acts on states from outside the dynamics. This layer does not know the solver.
 
 mod adopt;
 mod assemble;
@@ -27,6 +27,7 @@ mod clearance;
 mod consistent;
 mod eta;
 mod hessian;
+mod inside;
 mod layout;
 mod outer;
 mod places;
@@ -39,6 +40,7 @@ mod trajectory;
 
 pub use branch::{Exit, Violation};
 pub use clearance::{Clearance, Piece};
+pub use inside::Inside;
 pub use layout::{Boundary, Durations, Options, PathAt, PathConstraint, PathPairs, Spec, Terminal};
 pub use outer::StatePoint;
 pub use places::{Part, Place, Role, RowMeaning, Trouble, VariableMeaning};

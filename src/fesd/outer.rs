@@ -149,7 +149,9 @@ impl Fesd {
 
     /// The points at which the path constraint `index` holds: times from the start of the horizon, and first rows.
     pub fn path_rows(&self, index: usize, w: &[f64]) -> Vec<(f64, usize)> {
-        let rows = self.path_points().zip(&self.path_rows).filter(|((constraint, _), _)| *constraint == index);
+        // those inside of elements are behind all others
+        let n = self.path_rows.len() - self.spec.inside.len();
+        let rows = self.path_points().zip(&self.path_rows).take(n).filter(|((constraint, _), _)| *constraint == index);
         rows.map(|((_, at), &row)| (self.time_at(at, w), row)).collect()
     }
 

@@ -227,7 +227,7 @@ impl Fesd {
     /// The points of all path constraints in the order of their calls: which constraint, and where.
     pub(super) fn path_points(&self) -> impl Iterator<Item = (usize, Place)> + '_ {
         let n_s = self.tableau.n_s;
-        self.spec.path.iter().enumerate().flat_map(move |(k, p)| {
+        let regular = self.spec.path.iter().enumerate().flat_map(move |(k, p)| {
             (0..self.spec.n_stages()).flat_map(move |stage| {
                 let n_fe = self.spec.n_fe[stage];
                 let mut points = vec![Place { stage, element: Some(0), point: None }];
@@ -245,7 +245,14 @@ impl Fesd {
                 }
                 points.into_iter().map(move |place| (k, place))
             })
-        })
+        });
+        regular.chain(self.spec.inside.iter().map(|i| (i.path, self.place_inside(i.element))))
+    }
+
+    /// The place of a point inside of an element.
+    fn place_inside(&self, element: usize) -> Place {
+        let e = &self.l.elements[element];
+        Place { stage: e.stage, element: Some(e.n), point: None }
     }
 
     /// What every row says `[m]`.

@@ -8,6 +8,7 @@ use super::calls::Builder;
 pub(super) use super::calls::Call;
 use super::clearance::Clearance;
 use super::eta;
+use super::inside::Nodes;
 use super::layout::{Durations, ElementIndex, Layout, PathAt, Spec, StartIndex};
 use super::places::{Note, Part};
 use super::size;
@@ -178,6 +179,12 @@ impl Fesd {
                     path.push(b.call(&p.f, at));
                 }
             }
+        }
+        for i in &spec.inside {
+            let e = &l.elements[i.element];
+            let nodes = Nodes::new(e, &tableau, i.share);
+            let at = b.points(&nodes.at, e.stage);
+            path.push(b.call(&nodes.function(&spec.path[i.path].f, &spec, &l), at));
         }
         let path_rows = l.row_path.clone();
         let last = &l.elements[l.elements.len() - 1];

@@ -3,11 +3,12 @@
 //! engine does not know, with inclusions or algebraic equations, are simulated by finite elements of another order on a
 //! finer grid.
 
+use super::between::{Between, Rows, Watch};
 use super::projected::projected_with_cost;
 use super::rewire::Rewire;
 use super::terms::{combination, Stack};
 use crate::error::{Error, Result};
-use crate::event::{Engine, Options, Outcome};
+use crate::event::{Engine, Options, Outcome, Progress};
 use crate::fesd;
 use crate::func::{Dims, Point};
 use crate::nlp::{self, Control};
@@ -54,6 +55,9 @@ pub struct Accuracy {
     /// the simulation reaches the end.
     differences: Vec<f64>,
     sizes: Vec<f64>,
+    /// The largest violation of every row of the path constraints and of every bound of a state in every control stage along the simulation, those
+    /// that there are.
+    pub along: Vec<Between>,
     /// The largest of the differences, in shares of their states, that nothing is certified beside, see [`Difference`].
     pub apart: Option<Difference>,
 }
@@ -108,6 +112,7 @@ impl Accuracy {
             elsewhere: false,
             differences: Vec::new(),
             sizes: Vec::new(),
+            along: Vec::new(),
             apart: None,
         }
     }
@@ -134,10 +139,30 @@ impl Accuracy {
         self.local = stages.iter().map(|a| a.terminal).collect();
     }
 
+    /// The largest violation along the simulation as a share of its size; `None` where there is none.
+    pub fn between(&self) -> Option<Between> {
+        self.along.iter().copied().max_by(|a, b| a.share().total_cmp(&b.share()))
+    }
+
+    /// The same, where nothing is certified beside it.
+    pub fn violated(&self) -> Option<Between> {
+        self.between().filter(Accuracy::counts)
+    }
+
+    /// Is a violation more than what counts as none?
+    pub(super) fn counts(b: &Between) -> bool {
+        b.share() > APART
+    }
+
     /// Does the simulation contradict the answer, whose cost has this size? One that was not finished says nothing.
     pub(super) fn contradicts(&self, cost_size: f64) -> bool {
-        let other_cost = self.cost_error.is_nan() || self.cost_error.abs() > COST_APART * cost_size;
-        self.outcome.is_some() && (!self.reached() || self.apart.is_some() || other_cost)
+        let other = self.apart.is_some() || self.violated().is_some() || self.costs_otherwise(cost_size);
+        self.outcome.is_some() && (!self.reached() || other)
+    }
+
+    /// Is the cost of the simulation another one than that of the answer, which has this size?
+    pub(super) fn costs_otherwise(&self, cost_size: f64) -> bool {
+        self.cost_error.is_nan() || self.cost_error.abs() > COST_APART * cost_size
     }
 }
 
@@ -167,6 +192,9 @@ pub(super) struct Answer<'a> {
     pub tol: f64,
     /// Terminal constraints with their bounds.
     pub terminal: Vec<(&'a SharedFunction, &'a [f64], &'a [f64])>,
+    /// Constraints along the horizon, and bounds of the states; empty where nobody looks at them.
+    pub path: Vec<Rows<'a>>,
+    pub x_bounds: [&'a [f64]; 2],
 }
 
 impl Answer<'_> {
@@ -210,6 +238,8 @@ impl Answer<'_> {
                 grid_cost: None,
                 tol: self.tol,
                 terminal: Vec::new(),
+                path: Vec::new(),
+                x_bounds: [&[], &[]],
             }
         };
         (0..n).map(stage).collect()
@@ -392,6 +422,53 @@ impl Replay {
         }
     }
 
+    /// The same, and `watch` looks at constraints on the way; `ramps` are controls that are states, with their slopes in `u`.
+    fn advance_watched(
+        &mut self,
+        t: f64,
+        (u, ramps): (&[f64], &[usize]),
+        p: &[f64],
+        watch: &mut Watch,
+    ) -> Result<Outcome> {
+        let by_steps = match &mut self.method {
+            Method::Events(e) => {
+                e.set_params(p)?;
+                e.set_controls(u)?;
+                let (start, end) = (e.time(), t.max(e.time()));
+                watch.look(start, e.state(), (u, ramps), p);
+                let mut going = true;
+                while going {
+                    let before = e.time();
+                    going = e.step(end)? != Progress::Done;
+                    let h = e.time() - before;
+                    if h > 0.0 {
+                        let n = Watch::points(h, end - start);
+                        let mut inside = std::mem::take(&mut watch.inside);
+                        for j in 1..n {
+                            let t = before + h * j as f64 / n as f64;
+                            if e.get_dky(t, 0, &mut inside).is_ok() {
+                                watch.look(t, &inside, (u, ramps), p);
+                            }
+                        }
+                        watch.inside = inside;
+                        watch.look(e.time(), e.state(), (u, ramps), p);
+                    }
+                }
+                Some(e.outcome())
+            }
+            _ => None,
+        };
+        match by_steps {
+            Some(outcome) => Ok(outcome),
+            // those that go to the end at once are looked at there
+            None => {
+                let outcome = self.advance(t, u, p)?;
+                watch.look(t, self.state(), (u, ramps), p);
+                Ok(outcome)
+            }
+        }
+    }
+
     /// Simulates the stages of `answer` one after the other, from its states again where `off(simulated, answer)` says so,
     /// and takes down states and active regions, of `n_regions`. `None` for systems that are not simulated by events.
     pub fn trace(
@@ -515,6 +592,7 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
     let mut found = Accuracy::unknown(n, nx);
     let (mut differences, mut sizes) = (vec![0.0; n * nx], vec![0.0f64; nx]);
     engine.reinit(answer.t0, &start)?;
+    let mut watch = Watch::new(&answer.path, answer.x_bounds, start.len());
     let mut t = answer.t0;
     let (mut u, mut at_grid) = (vec![0.0; nu], 0.0);
     for k in 0..n {
@@ -523,7 +601,15 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
             u[j] = (answer.control_ends[k * nu + j] - u[j]) / answer.durations[k].max(f64::MIN_POSITIVE);
         }
         t += answer.durations[k];
-        found.outcome = match engine.advance(t, &u, &answer.params[k * np..(k + 1) * np]) {
+        let p = &answer.params[k * np..(k + 1) * np];
+        let advanced = match watch.as_mut() {
+            Some(watch) => {
+                watch.begin(k);
+                engine.advance_watched(t, (&u, &ramps), p, watch)
+            }
+            None => engine.advance(t, &u, p),
+        };
+        found.outcome = match advanced {
             Err(Error::Interrupted | Error::OutOfTime) => None,
             r => Some(r?),
         };
@@ -545,6 +631,7 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
             at_grid += values(f, &at)[0];
         }
     }
+    found.along = watch.map_or_else(Vec::new, Watch::finish);
     let apart = |at: &usize| {
         let (size, usual) = (sizes[at % nx], answer.usual[at % nx]);
         differences[*at] > APART * size && differences[*at] > NOISE * answer.tol * usual

@@ -3,6 +3,7 @@
 
 use std::fmt::Write as _;
 
+use super::between::Along;
 use super::extend::Slacks;
 use super::request::Request;
 use super::terms::combination;
@@ -89,7 +90,27 @@ impl Ocp {
             let more = if d.message.is_empty() { "" } else { "; " };
             d.message = format!("{}{more}{remark}", d.message);
         }
+        if let Some(text) = self.violated_between(r) {
+            let more = if d.message.is_empty() { "" } else { "; " };
+            d.message = format!("{}{more}{text}", d.message);
+        }
         d
+    }
+
+    /// That a constraint along the horizon is violated between the points at which it is imposed.
+    fn violated_between(&self, r: &OcpResult) -> Option<String> {
+        let b = r.accuracy.as_ref().filter(|_| r.is_solution()).and_then(|a| a.violated())?;
+        let what = match b.of {
+            Along::Path(k) => format!("row {} of path constraint {k} ('{}')", b.row, self.path[k].f.name()),
+            Along::State => format!("a bound of state {}", b.row),
+        };
+        Some(format!(
+            "{what} is violated by {} at t = {} in stage {} of the simulation of the controls, so that nothing is certified: impose it at \
+             \"stage_points\", or add stage points (n_s), elements (n_fe) or control stages",
+            short(b.value),
+            short(b.t),
+            b.stage
+        ))
     }
 
     /// Why there is no exact solution.
@@ -281,7 +302,7 @@ impl Ocp {
         }
         let help = crowded.unwrap_or_else(|| self.what_helps());
         let Some(d) = a.apart else {
-            if !a.contradicts(self.cost_size(r.priced)) {
+            if !a.costs_otherwise(self.cost_size(r.priced)) {
                 return crowded.map(str::to_owned);
             }
             let (simulated, own) = (short(a.cost), short(r.cost_reached));

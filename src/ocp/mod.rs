@@ -14,6 +14,7 @@
 
 mod accuracy;
 mod adapt;
+mod between;
 mod candidates;
 mod choices;
 mod clear;
@@ -53,6 +54,7 @@ pub use crate::fesd::Durations;
 pub use crate::jumps::{Contacts, Method as Jumps};
 pub use accuracy::Accuracy;
 pub use adapt::{Adaptation, Round};
+pub use between::{Along, Between};
 pub use modes::ModeSequence;
 pub use multipliers::{Multipliers, MultipliersOf};
 pub use nominal::Nominal;
@@ -210,6 +212,8 @@ pub struct Ocp {
     modes: Option<ModeSequence>,
     /// What the mode program of `modes` keeps clear of.
     clearance: Option<crate::fesd::Clearance>,
+    /// Points inside of elements at which path constraints hold too, of the last solution.
+    inside: Vec<crate::fesd::Inside>,
     built: Option<Box<Built>>,
     /// How often the problem was discretised.
     builds: usize,
@@ -276,6 +280,7 @@ impl Ocp {
             u_guess: None,
             modes: None,
             clearance: None,
+            inside: Vec::new(),
             built: None,
             builds: 0,
             engine: None,

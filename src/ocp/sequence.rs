@@ -91,6 +91,8 @@ impl Ocp {
             grid_cost: None,
             tol: TOLERANCE,
             terminal: Vec::new(),
+            path: Vec::new(),
+            x_bounds: [&[], &[]],
         };
         let mut engine = Replay::new(&self.system, None, None, &answer, options)?;
         let range: Vec<f64> = (0..d.x)

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::accuracy::{self, Accuracy, Answer, Replay};
+use super::between::Rows;
 use super::diagnosis::Case;
 use super::extend::{Extended, Statement};
 use super::identify::Identifier;
@@ -118,10 +119,17 @@ impl Ocp {
     pub(super) fn build(&mut self, start: Start, options: &SolveOptions) -> Result<f64> {
         self.system.check_without_contacts("this kind of optimal control problem")?;
         let n_fe = self.elements(options);
-        let serves = |b: &Built| b.options.fits(options) && (start == Start::Warm || b.n_fe() == n_fe);
+        let serves = |b: &Built| {
+            b.options.fits(options)
+                && (start == Start::Warm || b.n_fe() == n_fe && b.problem.spec().inside == self.inside)
+        };
         if let Some(b) = self.built.as_mut().filter(|b| serves(b)) {
             b.set_options(options);
             return Ok(0.0);
+        }
+        if start == Start::Warm {
+            // another grid
+            self.inside.clear();
         }
         self.built = None;
         let clock = Instant::now();
@@ -153,6 +161,7 @@ impl Ocp {
             terminal: e.terminal.clone(),
             boundary: e.boundary.clone(),
             complementarity: e.complementarity.clone(),
+            inside: self.inside.clone(),
             ..Spec::new(dcs, options.discretisation, n_fe.clone())
         };
         let mut problem = Fesd::new(spec, self.durations[0])?;
@@ -233,6 +242,9 @@ impl Ocp {
         }
         let request = Request::from_settings(&self.settings)?;
         self.complete_params()?;
+        if start != Start::Warm {
+            self.inside.clear();
+        }
         // what was built is gone where this unwinds, and is built again by the next solve
         memory::bounded(self.settings.max_memory, || {
             bounded(&request, control, |control| {
@@ -242,7 +254,8 @@ impl Ocp {
                 let adapts = self.settings.adapt_tol > 0.0;
                 let solved =
                     if adapts { self.adapt(start, &request, control) } else { self.search(start, &request, control) };
-                solved.map(|_| ())
+                solved.map(|_| ())?;
+                self.impose_between(&request, control)
             })
         })?;
         self.conclude()
@@ -683,6 +696,9 @@ impl Ocp {
             mayer: e.mayer.as_ref(),
             grid_cost: e.grid_cost.as_ref(),
             terminal: e.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
+            // those that are soft have rows behind these, and are priced
+            path: e.path.iter().take(self.path.len()).map(Rows::of).collect(),
+            x_bounds: [&self.x_bounds[0], &self.x_bounds[1]],
         };
         let mut engine = match self.engine.take().filter(|e| e.fits(&answer, options)) {
             Some(e) => e,

@@ -176,6 +176,7 @@ impl Ocp {
             u_guess: self.u_guess.clone(),
             modes: self.modes.clone(),
             clearance: None,
+            inside: Vec::new(),
             built: None,
             builds: 0,
             engine: None,

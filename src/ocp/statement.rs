@@ -111,6 +111,7 @@ impl Ocp {
             shifted: _,
             scene: _,
             clearance: _,
+            inside: _,
             projected: _,
         } = self;
         Statement {

@@ -1889,6 +1889,10 @@ another order where there are inclusions or algebraic equations. NaN from where 
 - `terminal_violation`: Largest violation of a terminal constraint by the end of the simulation.
 - `cost`: Cost of the simulation.
 - `cost_error`: Cost of the solution less that of the simulation.
+- `along_violation`: Largest violation of a path constraint or of a bound of a state along the simulation, also between the points at which they are imposed, in their unit; 0 where there is none.
+- `along_time`: Its time; NaN where there is none.
+- `along_constraint`: Number of that path constraint, in the order in which they were added; -1 for a bound of a state, -2 where there is none.
+- `along_row`: Row of the path constraint, or the state.
 """
 struct swb_accuracy
     struct_size::UInt64
@@ -1899,8 +1903,12 @@ struct swb_accuracy
     terminal_violation::Cdouble
     cost::Cdouble
     cost_error::Cdouble
+    along_violation::Cdouble
+    along_time::Cdouble
+    along_constraint::Int64
+    along_row::Int64
 end
-sizeof(swb_accuracy) == 64 || error("swb_accuracy has another size than in C")
+sizeof(swb_accuracy) == 96 || error("swb_accuracy has another size than in C")
 
 """
 Optimality of an optimal control.

@@ -21,6 +21,7 @@ use self::automaton::{Automaton, Passage, Sequence};
 use self::guess::Guess;
 use self::program::Program;
 use super::accuracy::{self, Accuracy, Answer, Replay};
+use super::between::Rows;
 use super::extend::{Extended, Statement};
 use super::optimality::{Kink, Optimality, OTHER};
 use super::request::{Comparison, Request};
@@ -271,6 +272,8 @@ impl Ocp {
             grid_cost: None,
             tol: c.tol,
             terminal: e.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
+            path: e.path.iter().take(self.path.len()).map(Rows::of).collect(),
+            x_bounds: [&self.x_bounds[0], &self.x_bounds[1]],
         };
         let mut engine = Replay::new(&e.system, None, e.lagrange.as_ref(), &answer, options)?;
         match accuracy::measure(&mut engine, &answer) {

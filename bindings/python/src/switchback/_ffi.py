@@ -1028,6 +1028,10 @@ class swb_accuracy(Structure):
         ("terminal_violation", c_double),
         ("cost", c_double),
         ("cost_error", c_double),
+        ("along_violation", c_double),
+        ("along_time", c_double),
+        ("along_constraint", c_int64),
+        ("along_row", c_int64),
     ]
 
 

@@ -55,7 +55,8 @@ class Stats(_FromStruct):
 class Accuracy(_FromStruct):
     """Comparison of an optimal control with an independent simulation of its controls: largest differences of a state over
     the ends of the control stages and at the end, violation of the terminal constraints, cost and its error. NaN where
-    the simulation did not get."""
+    the simulation did not get. `along_violation` is the largest violation of a path constraint (number `along_constraint`,
+    row `along_row`) or of a bound of a state (-1, the state) along the simulation, at the time `along_time`; -2 for none."""
 
     reached: bool
     n_switches: int
@@ -64,6 +65,10 @@ class Accuracy(_FromStruct):
     terminal_violation: float
     cost: float
     cost_error: float
+    along_violation: float
+    along_time: float
+    along_constraint: int
+    along_row: int
 
     @classmethod
     def _of(cls, c: Any) -> Accuracy:

@@ -1,0 +1,50 @@
+"""Path constraints between the points at which a program imposes them."""
+
+import numpy as np
+import pytest
+
+import switchback as swb
+from switchback.expr import Model
+
+STAGES, HORIZON = 6, 3.0
+
+
+def past_a_disc(seed, at):
+    """A mass in the plane from rest to rest with least effort; the straight line passes through a disc."""
+    g = np.random.default_rng(seed)
+    radius, centre = g.uniform(0.4, 1.2), (g.uniform(1.5, 3.5), g.uniform(-0.5, 0.5))
+    m = Model(states="px py vx vy", controls="ax ay")
+    (px, py, vx, vy), (ax, ay) = m.x, m.u
+    m.derivatives = [vx, vy, ax, ay]
+    effort = m.function([ax * ax + ay * ay])
+    ocp = swb.Ocp(m, HORIZON, STAGES, lagrange=effort, initial_state=[0.0] * 4, control_bounds=(-20, 20))
+    ocp.add_terminal(m.function([px, py, vx, vy]), [5.0, 0, 0, 0], [5.0, 0, 0, 0])
+    ocp.add_path(m.function([(px - centre[0]) ** 2 + (py - centre[1]) ** 2]), [radius**2], [np.inf], at=at)
+    return ocp, centre, radius
+
+
+def deepest(controls, centre, radius):
+    """By how much, and when, constant accelerations lead into the disc: the motion is a parabola in every stage."""
+    h, z, found = HORIZON / STAGES, np.zeros(4), (0.0, 0.0)
+    s = np.linspace(0, h, 4001)
+    for k, (ax, ay) in enumerate(controls):
+        x, y = z[0] + z[2] * s + ax * s * s / 2, z[1] + z[3] * s + ay * s * s / 2
+        off = radius**2 - (x - centre[0]) ** 2 - (y - centre[1]) ** 2
+        found = max(found, (off.max(), k * h + s[off.argmax()]))
+        z = np.array([x[-1], y[-1], z[2] + ax * h, z[3] + ay * h])
+    return found
+
+
+@pytest.mark.parametrize("at", ["control_grid", "stage_points"])
+def test_a_constraint_holds_between_its_points_or_the_answer_says_where_it_does_not(at):
+    for seed in range(3):
+        ocp, centre, radius = past_a_disc(seed, at)
+        r = ocp.solve()
+        off, when = deepest(r.controls, centre, radius)
+        a = r.accuracy
+        assert r.success and abs(a.along_violation - off) < 1e-3 * radius**2
+        if off > 1e-2:
+            assert abs(a.along_time - when) < 0.05 and (a.along_constraint, a.along_row) == (0, 0)
+            assert r.certificate == "unknown" and "path constraint 0" in r.message
+        # points are added by default
+        assert off < 1e-2 * radius**2
