@@ -321,7 +321,7 @@ fn sticking_ends_in_space() {
     let s_end = way(3.0) - way(t0) - (a * t0 * t0 / 2.0 - b * t0) * (3.0 - t0);
     assert!((e.switches()[0].t - t0).abs() < 1e-10, "{:?}", e.switches());
     let start = &e.phases().last().unwrap().starting;
-    assert!(start.len() == 1 && (start[0].1[0] - 2.0 / a).abs() < 1e-8, "{start:?}");
+    assert!(start.len() == 1 && (start[0].direction[0] - 2.0 / a).abs() < 1e-8, "{start:?}");
     assert!(
         (e.state()[0] - 2.0 / a * s_end).abs() < 1e-9 && (e.state()[1] - s_end / a).abs() < 1e-9,
         "{:?}",

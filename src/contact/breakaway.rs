@@ -250,7 +250,7 @@ impl Dynamics {
             }
             solver.solve(&mut angles);
             let size = angles.iter().fold(0.0f64, |m, w| m.max(w.abs()));
-            if !(size < last) || !size.is_finite() {
+            if size >= last || !size.is_finite() {
                 return Ok(());
             }
             last = size;

@@ -34,6 +34,9 @@ enum Path {
     Line,
 }
 
+/// A place, and the value there.
+type Sample = (f64, f64);
+
 /// Places between which a function falls through zero: the last one before which it is certainly positive, the first one behind which it is
 /// certainly negative.
 #[derive(Debug, Clone, Copy)]
@@ -182,7 +185,7 @@ impl Engine {
         (from, to): (f64, f64),
         limit: f64,
         finest: f64,
-    ) -> std::result::Result<((f64, f64), (f64, f64)), EvalError> {
+    ) -> std::result::Result<(Sample, Sample), EvalError> {
         let mut low = (from, self.value_on(l, path, from)?);
         let mut high = (to, self.value_on(l, path, to)?);
         while high.0 - low.0 > finest {
