@@ -47,6 +47,8 @@ pub enum FoundBy {
     Middle = 7,
     /// A branch next to that of another answer, or next to one of those.
     Neighbours = 8,
+    /// The path with factors of one instead of those by gradients, or the other way round.
+    OtherScaling = 9,
 }
 
 impl FoundBy {
@@ -62,12 +64,14 @@ impl FoundBy {
             FoundBy::Heavy => "heavy",
             FoundBy::Middle => "middle",
             FoundBy::Neighbours => "neighbours",
+            FoundBy::OtherScaling => "other_scaling",
         }
     }
 }
 
 /// The order in which they are tried.
-const ORDER: [FoundBy; 5] = [FoundBy::Elastic, FoundBy::Heavy, FoundBy::Outer, FoundBy::Unlimited, FoundBy::AsGiven];
+const ORDER: [FoundBy; 6] =
+    [FoundBy::OtherScaling, FoundBy::Elastic, FoundBy::Heavy, FoundBy::Outer, FoundBy::Unlimited, FoundBy::AsGiven];
 /// Those that follow a solution until two agree, and the weights of the objective on them.
 const OPINIONS: [(FoundBy, Weight); 2] = [(FoundBy::Middle, Weight::More), (FoundBy::Heavy, Weight::Heavy)];
 /// Iterations of one of them, as a multiple of those of the solution they follow.
@@ -198,6 +202,7 @@ impl MpccSolver {
                 FoundBy::Outer => self.settings.homotopy == Homotopy::Outer,
                 FoundBy::Elastic => self.settings.relaxation == Relaxation::LinfPenalty,
                 FoundBy::Heavy => !self.settings.scaling,
+                FoundBy::OtherScaling => false,
                 FoundBy::Path | FoundBy::Feasible | FoundBy::Middle | FoundBy::Neighbours => true,
             };
             if useless {
@@ -216,12 +221,19 @@ impl MpccSolver {
                 match strategy {
                     FoundBy::Unlimited => s.settings.convexify_pairs = false,
                     FoundBy::Outer => s.settings.homotopy = Homotopy::Outer,
+                    FoundBy::OtherScaling => {
+                        s.settings.scaling = !given.scaling;
+                        s.scale(p, bounds, x0);
+                    }
                     _ => {}
                 }
                 let weight = if strategy == FoundBy::Heavy { Weight::Heavy } else { Weight::Plain };
                 let centre = interior && centred && strategy != FoundBy::AsGiven;
                 s.follow_weighed(p, bounds, x0, (weight, centre), control, proposer);
                 s.settings = given;
+                if strategy == FoundBy::OtherScaling {
+                    s.scale(p, bounds, x0);
+                }
             });
         }
     }
