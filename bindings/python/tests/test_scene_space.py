@@ -1,7 +1,6 @@
-"""Contacts in space: slides that begin, the direction of friction behind the start, and which impacts are said to be unique."""
+"""Contacts in space: slides that begin, friction behind their start, and which impacts are said to be unique."""
 
 import numpy as np
-import pytest
 
 import switchback as swb
 from switchback import cos, exp, sin, sqrt
@@ -35,10 +34,10 @@ def coupled_bodies(n, seed):
 
 
 def time_stepping(m, mu, push, t_end, h):
-    """Positions at the end: J. J. Moreau's time stepping for bodies on a plane, all at once, and whether the plane held them.
+    """Positions at the end by J. J. Moreau's time stepping, all bodies at once, and whether the plane held them.
 
-    A step that does not stick slides in the direction `e` with `e⊥ · v_t = 0`, `e · v_t ≥ 0` behind it: the angle is sought
-    among 64 and refined by Newton's method.
+    A step that does not stick slides in the direction `e` with `e⊥ · v_t = 0`, `e · v_t ≥ 0` behind it: the angle is
+    sought among 64 and refined by Newton's method.
     """
     d, n = np.linalg.inv(m), len(m)
     weights = d[:, [2, 0, 1]][:, :, [2, 0, 1]]
@@ -58,7 +57,8 @@ def time_stepping(m, mu, push, t_end, h):
 
     for k in range(round(t_end / h)):
         t = (k + 0.5) * h
-        f = np.stack([push[:, 0] * t * np.cos(push[:, 1] * t), push[:, 0] * t * np.sin(push[:, 1] * t), np.full(n, -G)], 1)
+        pushed, turned = push[:, 0] * t, push[:, 1] * t
+        f = np.stack([pushed * np.cos(turned), pushed * np.sin(turned), np.full(n, -G)], 1)
         w = (v + h * np.einsum("nij,nj->ni", d, f))[:, [2, 0, 1]]
         r = -np.linalg.solve(weights, w[:, :, None])[:, :, 0]
         sticks = np.hypot(r[:, 1], r[:, 2]) <= mu * r[:, 0]
@@ -143,7 +143,7 @@ def test_derivatives_through_a_break_away():
             assert np.allclose(run.dx_dp[:, j], difference, atol=2e-4 * (1 + np.abs(difference).max())), (k, j)
 
 
-def quaternion_box(mu):
+def quaternion_box(mu, e=0.0):
     """A box with eight corners over a floor."""
     half = [0.2, 0.15, 0.1]
     s = swb.Scene("x y z qw qx qy qz", "vx vy vz wx wy wz")
@@ -169,7 +169,7 @@ def quaternion_box(mu):
     for k in range(8):
         p = [h if k >> i & 1 else -h for i, h in enumerate(half)]
         moved = turned(cross(w, p))
-        s.contact(f"c{k}", gap=z + turned(p)[2], tangents=[v[0] + moved[0], v[1] + moved[1]], mu=mu)
+        s.contact(f"c{k}", gap=z + turned(p)[2], tangents=[v[0] + moved[0], v[1] + moved[1]], mu=mu, e=e)
     return s
 
 
@@ -211,3 +211,17 @@ def test_bodies_that_just_touch():
         # what is taken from a depth δ is a velocity of `v √(2 δ/R)`
         error = 0.25 * speed * np.sqrt(2 * max(abs(inside), 1e-9) / radius) + 1e-6
         assert np.abs(run.x_end[:2] - start - 0.25 * speed * along).max() < error
+
+
+def test_boxes_dropped_in_space_come_to_rest_on_a_face():
+    s = quaternion_box(0.4, e=0.3)
+    # with friction and restitution corners stop sliding one after the other: none of them may crawl
+    for seed in range(103, 111):
+        rng = np.random.default_rng(seed)
+        q = rng.normal(size=4)
+        v = rng.uniform(-1, 1, 6) * [0.5, 0.5, 0.5, 5, 5, 5]
+        run = s.simulate([0, 0, 0.6, *(q / np.linalg.norm(q))], v.tolist(), 2.0, rtol=1e-9, atol=1e-9)
+        assert run.success, (seed, run.reason)
+        assert run.stats.steps < 3000
+        assert np.abs(np.array([0.2, 0.15, 0.1]) - run.x_end[2]).min() < 1e-6, (seed, run.x_end)
+        assert np.abs(run.x_end[7:]).max() < 1e-6

@@ -700,7 +700,9 @@ impl Engine {
                 let stops = event == Some((i, ContactWatch::Speed));
                 let sticks = modes[i][0] == mode::CLOSED && event.is_some_and(|e| e.1 != ContactWatch::Gap);
                 let speed = b.sliding[0].hypot(b.sliding[1]);
-                let rests = stops || sticks || speed <= AT_REST * size || c.dynamics.carried[i];
+                // in space a velocity that the tolerances do not see has no direction that friction could go by
+                let still = if n_t == 2 { c.unseen_slide(i, at, (rtol, atol)) } else { 0.0 };
+                let rests = stops || sticks || speed <= still.max(AT_REST * size) || c.dynamics.carried[i];
                 *creeps |= rests && speed > AT_REST * size;
                 out.push(Closed { contact: i, rests });
                 likely.extend((!rests && speed <= STILL * size).then_some(out.len() - 1));
@@ -726,14 +728,19 @@ impl Contacts {
         d.begin(choice);
         let slides = choice.modes.iter().map(|set| set[0] == mode::SLIDES);
         d.begins.iter_mut().zip(slides).filter(|(_, slides)| !slides).for_each(|(b, _)| *b = 0.0);
-        let n_q = d.mechanics.n_q;
         for &i in &choice.begin {
-            let unseen = |k: usize| -> f64 {
-                let tangent = d.tangent(i, k).iter().enumerate();
-                tangent.map(|(j, b)| b.abs() * (rtol[n_q + j] * at.x[n_q + j].abs() + atol[n_q + j])).sum()
-            };
-            d.begins[i] = unseen(0).max(unseen(1)).max(f64::MIN_POSITIVE);
+            self.dynamics.begins[i] = self.unseen_slide(i, at, (rtol, atol)).max(f64::MIN_POSITIVE);
         }
+    }
+
+    /// What of the sliding velocity of contact `i` in space the tolerances do not see; its tangents are loaded.
+    fn unseen_slide(&self, i: usize, at: &Point, (rtol, atol): (&[f64], &[f64])) -> f64 {
+        let n_q = self.dynamics.mechanics.n_q;
+        let unseen = |k: usize| -> f64 {
+            let tangent = self.dynamics.tangent(i, k).iter().enumerate();
+            tangent.map(|(j, b)| b.abs() * (rtol[n_q + j] * at.x[n_q + j].abs() + atol[n_q + j])).sum()
+        };
+        unseen(0).max(unseen(1))
     }
 
     /// What of the gap of contact `i`, and of its rate, the tolerances do not see; its normal is loaded.
