@@ -244,6 +244,8 @@ impl Ocp {
         self.complete_params()?;
         if start != Start::Warm {
             self.inside.clear();
+            // where constraints are violated in a simulation must not depend on the answer that its tolerances were made for
+            self.engine = self.engine.take().filter(|_| self.path.is_empty());
         }
         // what was built is gone where this unwinds, and is built again by the next solve
         memory::bounded(self.settings.max_memory, || {

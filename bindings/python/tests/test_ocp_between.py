@@ -48,3 +48,12 @@ def test_a_constraint_holds_between_its_points_or_the_answer_says_where_it_does_
             assert r.certificate == "unknown" and "path constraint 0" in r.message
         # points are added by default
         assert off < 1e-2 * radius**2
+
+
+def test_added_points_leave_nothing_behind():
+    ocp, _, _ = past_a_disc(1, "control_grid")
+    first = ocp.solve()
+    warm = ocp.solve(warm=True)
+    again = ocp.solve()
+    assert np.isclose(warm.cost, first.cost, rtol=1e-9)
+    assert again.cost == first.cost and np.array_equal(again.controls, first.controls)
