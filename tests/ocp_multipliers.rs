@@ -137,8 +137,11 @@ fn multipliers_are_what_bounds_cost() {
         assert!(m.abs() < 1e-9 || m * u > 0.0, "{u} {m}");
     }
     let path = o.multipliers(MultipliersOf::Path(1)).unwrap();
-    assert_eq!(path.times.len(), 2 * STAGES);
-    assert!(path.times.windows(2).all(|t| t[1] > t[0] - 1e-12) && (path.times[2 * STAGES - 1] - 2.0).abs() < 1e-12);
+    // those inside of elements come to those at their ends
+    assert!(path.times.len() >= 2 * STAGES);
+    assert!(
+        path.times.windows(2).all(|t| t[1] > t[0] - 1e-12) && (path.times[path.times.len() - 1] - 2.0).abs() < 1e-12
+    );
     for i in 0..2 {
         let moved = |h: f64| {
             let mut x = X0;

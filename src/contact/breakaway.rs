@@ -250,11 +250,7 @@ impl Dynamics {
             }
             solver.solve(&mut angles);
             let size = angles.iter().fold(0.0f64, |m, w| m.max(w.abs()));
-<<<<<<< HEAD
-            if size >= last || !size.is_finite() {
-=======
             if size >= last || angles.iter().any(|w| !w.is_finite()) {
->>>>>>> 266b92f (Contacts in space: a comparison that knows what is not finite)
                 return Ok(());
             }
             last = size;

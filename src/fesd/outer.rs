@@ -150,9 +150,18 @@ impl Fesd {
     /// The points at which the path constraint `index` holds: times from the start of the horizon, and first rows.
     pub fn path_rows(&self, index: usize, w: &[f64]) -> Vec<(f64, usize)> {
         // those inside of elements are behind all others
-        let n = self.path_rows.len() - self.spec.inside.len();
-        let rows = self.path_points().zip(&self.path_rows).take(n).filter(|((constraint, _), _)| *constraint == index);
-        rows.map(|((_, at), &row)| (self.time_at(at, w), row)).collect()
+        let regular = self.path_rows.len() - self.spec.inside.len();
+        let all = self.path_points().zip(&self.path_rows).enumerate();
+        let own = all.filter(|(_, ((constraint, _), _))| *constraint == index);
+        let mut rows: Vec<(f64, usize)> = own
+            .map(|(k, ((_, at), &row))| {
+                let end = self.time_at(at, w);
+                let left = k.checked_sub(regular).map_or(0.0, |k| self.time_left(&self.spec.inside[k], w));
+                (end - left, row)
+            })
+            .collect();
+        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        rows
     }
 
     /// First rows of the terminal constraints, and of those between the ends.

@@ -1,6 +1,7 @@
 //! What the numbers of the discretisation stand for: rows, variables and function values by stage, element and stage
 //! point. All are counted from zero.
 
+use super::inside::Inside;
 use super::layout::{ElementIndex, PathAt};
 use super::problem::{Call, Fesd};
 use crate::func::EvalError;
@@ -152,6 +153,11 @@ impl Fesd {
         let before: f64 = elements[..element].iter().map(|e| self.h_of(e, w)).sum();
         let share = place.point.map_or(1.0, |i| self.tableau.c[i]);
         start + before + share * self.h_of(&elements[element], w)
+    }
+
+    /// Time from a point inside of an element to the end of that.
+    pub(super) fn time_left(&self, inside: &Inside, w: &[f64]) -> f64 {
+        (1.0 - inside.share) * self.h_of(&self.l.elements[inside.element], w)
     }
 
     /// What a call is for, and where.

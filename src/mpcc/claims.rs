@@ -94,8 +94,16 @@ impl MpccSolver {
             let room = |bound: f64| (ROW * bound.abs().max(1.0)).max(ROW_TERMS * terms);
             v >= lo - room(lo) && v <= hi + room(hi)
         };
-        (0..n).all(|j| holds(x[j], bounds.xl[j], bounds.xu[j], 0.0))
+        // without a polish the answer is that of the last relaxation, which bounds products by its parameter, or members by the root of it
+        // (Kadrani, Dussault, Benchakroun, SIAM J. Optim. 20 (2009) 78-103; Lin, Fukushima, Ann. Oper. Res. 133 (2005) 63-84)
+        let relaxed = self.solution.polish != Polish::Done;
+        let member = if relaxed { MEMBER.max(2.0 * self.settings.sigma_min.sqrt()) } else { MEMBER };
+        let mut below = vec![0.0; n];
+        for &(a, b) in p.pairs().iter().filter(|_| relaxed) {
+            (below[a], below[b]) = (member, member);
+        }
+        (0..n).all(|j| holds(x[j], bounds.xl[j] - below[j], bounds.xu[j], 0.0))
             && (0..m).all(|i| holds(c[i], bounds.cl[i], bounds.cu[i], terms[i]))
-            && p.pairs().iter().all(|&(a, b)| x[a].min(x[b]) <= MEMBER || x[a] * x[b] <= PRODUCT)
+            && p.pairs().iter().all(|&(a, b)| x[a].min(x[b]) <= member || x[a] * x[b] <= PRODUCT)
     }
 }

@@ -14,6 +14,9 @@ use crate::func::{EvalError, EvalResult};
 /// costs a few evaluations more.
 const FLAT: f64 = 1e-3;
 
+/// So many roundings of its terms are no value.
+const NEAR: f64 = 1e3;
+
 /// A zero of higher order that a step has ended at.
 #[derive(Debug, Clone)]
 pub(super) struct Flat {
@@ -53,18 +56,43 @@ impl Edges {
 }
 
 impl Engine {
+    /// Ends the step, which was `full` long at first, at a zero of higher order if there is one next to its end. `None` if there is none: the
+    /// step is as it was. `Some(None)` if that does not succeed.
+    pub(super) fn land_if_flat(
+        &mut self,
+        l: usize,
+        (rate, full): (f64, f64),
+        slope: f64,
+        grown: f64,
+    ) -> Result<Option<Option<Progress>>> {
+        if !self.is_flat(l, rate, full) {
+            return Ok(None);
+        }
+        let h = self.step.h;
+        if let Some(p) = self.land_on_flat(l, full, slope, grown)? {
+            return Ok(Some(Some(p)));
+        }
+        // its sign does not change, or there are several
+        if !self.repeat(h)? || !recover(self.watched(l, self.t + h).map(|_| true), false)? {
+            return Ok(Some(None));
+        }
+        Ok(None)
+    }
+
     /// Is the zero next to the end of a step, which was `full` long at first, so flat that its rate does not say where it is?
-    pub(super) fn is_flat(&self, l: usize, rate: f64, full: f64) -> bool {
+    fn is_flat(&self, l: usize, rate: f64, full: f64) -> bool {
         let w = &self.watches[l];
         if w.is_affine(&self.field) || !matches!(w, Watch::Enter { .. } | Watch::Guard { .. }) {
             return false;
         }
         let size = self.samples[l].iter().fold(self.w0[l].abs(), |m, v| m.max(v.abs()));
-        rate.abs() * full <= FLAT * size
+        // what is rounding all the way has no rate that says anything
+        let rounding = NEAR * EPS * w.scale(&self.field.dq, &self.field, self.step.t, &self.step.x1).value;
+        size > rounding && rate.abs() * full <= FLAT * size
     }
 
     /// Ends the step at a zero of higher order, and switches there. `None` if the signs of the function do not change in it.
-    pub(super) fn land_on_flat(&mut self, l: usize, full: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
+    fn land_on_flat(&mut self, l: usize, full: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
         /// Steps until the end is next to the zero.
         const TRIES: usize = 8;
         if !self.repeat(full)? || !recover(self.write_dense().map(|()| true), false)? {
@@ -328,7 +356,13 @@ impl Engine {
         self.field.watched_gradients(self.t, &self.x)
     }
 
-    /// Values of a watched function up to this one are rounding where it vanished last.
+    /// Is a value rounding, next to a zero of higher order?
+    pub(super) fn is_level(&self, w: &Watch, value: f64) -> bool {
+        let level = self.level(w);
+        level > 0.0 && value.abs() <= level
+    }
+
+    /// Values of a watched function up to this one are rounding where it vanished last; zero where that was no zero of higher order.
     pub(super) fn level(&self, w: &Watch) -> f64 {
         w.place().map_or(0.0, |a| self.levels[a])
     }

@@ -238,7 +238,7 @@ impl Engine {
         let w = self.watches[l];
         let Watch::Guard { guard, back: false, .. } = w else { return Ok(None) };
         let (value, rate, tol, slow) = self.standing(&w);
-        if value.abs() <= self.level(&w) {
+        if self.is_level(&w, value) {
             // rounding: it has happened, or happens with what vanished here
             return Ok(w.place().filter(|a| self.is_due(*a)).map(|_| (guard, false)));
         }

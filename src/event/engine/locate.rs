@@ -103,8 +103,8 @@ impl Engine {
                 return Ok(None);
             }
             if delta.abs() <= 1e-8 * h || delta.abs() <= floor || !steep && self.is_short(delta, l) {
-                if self.is_flat(l, rate, full) {
-                    return self.land_on_flat(l, full, slope, grown);
+                if let Some(p) = self.land_if_flat(l, (rate, full), slope, grown)? {
+                    return Ok(p);
                 }
                 // forces of bodies that carry each other vanish together, and no step lies between them
                 let at_once = self.field.has_contacts() && h <= self.no_time();
@@ -134,8 +134,8 @@ impl Engine {
                 return Ok(None);
             }
         }
-        if before.is_some_and(|_| self.is_flat(l, last, full)) {
-            return self.land_on_flat(l, full, slope, grown);
+        if let Some(p) = self.land_if_flat(l, (last, full), slope, grown)? {
+            return Ok(p);
         }
         // grazing: the length hardly matters for the value any more
         if let (Some((value, _)), Watch::Contact { .. }) = (before, self.watches[l]) {
@@ -175,8 +175,11 @@ impl Engine {
             s = found;
             // its gradients are known at the end of the step
             let at_end = w.rate(&self.dq1, &self.field, &self.step.f1);
-            if self.is_flat(l, at_end, full) {
-                return self.land_on_flat(l, full, slope, grown);
+            if let Some(p) = self.land_if_flat(l, (at_end, full), slope, grown)? {
+                return Ok(p);
+            }
+            if !recover(self.write_dense().map(|()| true), false)? {
+                return Ok(None);
             }
         }
         if s * full <= 4.0 * EPS * self.t.abs().max(full) {

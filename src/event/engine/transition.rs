@@ -313,7 +313,7 @@ impl Engine {
                 self.depart[l] = self.contact_departs(w, value);
                 continue;
             }
-            if value.abs() <= self.level(&w) {
+            if self.is_level(&w, value) {
                 self.depart[l] = 2;
                 continue;
             }
