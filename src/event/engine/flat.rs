@@ -10,9 +10,12 @@ use crate::error::Result;
 use crate::event::watch::Watch;
 use crate::func::{EvalError, EvalResult};
 
-/// Rate of a function over a whole step, relative to the largest value in it, below which its zero is not taken for a simple one. One that is
+/// Rate of a function over a whole step, relative to the largest value in it, below which its zero need not be a simple one. One that is
 /// costs a few evaluations more.
 const FLAT: f64 = 1e-3;
+
+/// Part of a value nearby that the rate at a simple zero makes at least.
+const SIMPLE: f64 = 0.1;
 
 /// So many roundings of its terms are no value.
 const NEAR: f64 = 1e3;
@@ -65,7 +68,7 @@ impl Engine {
         slope: f64,
         grown: f64,
     ) -> Result<Option<Option<Progress>>> {
-        if !self.is_flat(l, rate, full) {
+        if !self.may_be_flat(l, rate, full) || !recover(self.bends_at_zero(l, rate, full), false)? {
             return Ok(None);
         }
         let h = self.step.h;
@@ -79,8 +82,8 @@ impl Engine {
         Ok(None)
     }
 
-    /// Is the zero next to the end of a step, which was `full` long at first, so flat that its rate does not say where it is?
-    fn is_flat(&self, l: usize, rate: f64, full: f64) -> bool {
+    /// Is the rate next to the end of a step, which was `full` long at first, so small that its zero may be one of higher order?
+    fn may_be_flat(&self, l: usize, rate: f64, full: f64) -> bool {
         let w = &self.watches[l];
         if w.is_affine(&self.field) || !matches!(w, Watch::Enter { .. } | Watch::Guard { .. }) {
             return false;
@@ -91,6 +94,19 @@ impl Engine {
         size > rounding && rate.abs() * full <= FLAT * size
     }
 
+    /// Does the value before the end of the step, along the velocity there, come from more than the rate? At a distance that is larger than
+    /// that of the zero, and so large that the rate would be seen.
+    fn bends_at_zero(&mut self, l: usize, rate: f64, full: f64) -> std::result::Result<bool, EvalError> {
+        /// Distances to the zero.
+        const FAR: f64 = 30.0;
+        let off = (self.value_on(l, Path::Line, 0.0)? / rate).abs();
+        // rates of zero say nothing about how far it is
+        let distance = if off.is_finite() { FAR * off } else { 0.0 }.max(EPS.sqrt() * full).min(0.5 * full);
+        let value = self.value_on(l, Path::Line, -distance)?;
+        self.value_on(l, Path::Line, 0.0)?;
+        Ok(rate.abs() * distance <= SIMPLE * value.abs())
+    }
+
     /// Ends the step at a zero of higher order, and switches there. `None` if the signs of the function do not change in it.
     fn land_on_flat(&mut self, l: usize, full: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
         /// Steps until the end is next to the zero.
@@ -98,12 +114,14 @@ impl Engine {
         if !self.repeat(full)? || !recover(self.write_dense().map(|()| true), false)? {
             return Ok(None);
         }
-        let signs = self.signs_in_samples(l);
-        let Some(found) = recover(self.edges(l, Path::Dense, signs).map(Some), None)?.flatten() else {
-            return Ok(None);
-        };
         let most = self.t_stop - self.t;
-        let mut h = (found.middle() * full).min(most);
+        let mut h = full.min(most);
+        if let Some(signs) = self.signs_in_samples(l) {
+            let Some(found) = recover(self.edges(l, Path::Dense, signs).map(Some), None)?.flatten() else {
+                return Ok(None);
+            };
+            h = h.min(found.middle() * full);
+        }
         let floor = 4.0 * EPS * self.t.abs().max(full);
         let mut width = floor;
         for k in 0.. {
@@ -141,11 +159,12 @@ impl Engine {
         Ok(matches!(self.attempt()?, Tried::Error(e) if e <= 10.0) && self.finish()?)
     }
 
-    /// Relative times of the step at which the sampled function was positive, and negative or zero, one behind the other.
-    fn signs_in_samples(&self, l: usize) -> (f64, f64) {
+    /// Relative times of the step at which the sampled function was positive, and negative or zero, one behind the other. `None` if all samples
+    /// are positive: the zero is behind the last one.
+    fn signs_in_samples(&self, l: usize) -> Option<(f64, f64)> {
         let samples = &self.samples[l];
-        let first = (1..samples.len()).find(|i| samples[*i] <= 0.0).unwrap_or(samples.len() - 1);
-        (self.sampler.nodes[first - 1], self.sampler.nodes[first])
+        let first = (1..samples.len()).find(|i| samples[*i] <= 0.0)?;
+        Some((self.sampler.nodes[first - 1], self.sampler.nodes[first]))
     }
 
     /// Value of a watched function.
@@ -194,6 +213,9 @@ impl Engine {
         };
         let finest = 4.0 * EPS * self.t.abs().max(self.step.h) / unit;
         let (low, high) = self.bisect(l, path, (from, to), 0.0, finest)?;
+        if low.1 <= 0.0 || high.1 > 0.0 {
+            return Ok(None);
+        }
         let noise = self.noise_on(l, path, 0.5 * (low.0 + high.0), finest)?;
         let above = self.bisect(l, path, (from, high.0), noise, finest)?.0;
         let below = if self.value_on(l, path, to)? < -noise {
