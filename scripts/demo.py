@@ -1,87 +1,107 @@
-"""usage: demo.py FOLDER [SECONDS]    the first pictures: the README's example, then others, as many as SECONDS (150) allow
+"""usage: demo.py FOLDER [SECONDS]    the first pictures: the README's program, then examples, as many as SECONDS (150) allow
 
-Says what runs, how far it is and where the pictures are. Exits with 1 where an example fails. `make examples` runs all of them,
-`make benchmarks` the reports on accuracy and speed.
+Names every picture when it is there, and writes FOLDER/index.html with all of them. Exits with 1 where an example fails. `make examples`
+runs all examples, `make benchmarks` the reports on accuracy and speed.
 """
 
+import html
+import re
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples" / "python"
+KINDS = (".svg", ".png", ".gif")
 
-FIRST = """
-import sys
-import numpy as np
-import switchback as swb
-
-w = 2 * np.pi
-A1, A2 = np.array([[1, w], [-w, 1]]), np.array([[1, -w], [w, 1]])
-system = swb.System(nx=2)
-system.add_subsystem(modes=[lambda x: A1 @ x, lambda x: A2 @ x], psi=lambda x: x @ x - 1, signs=[-1, 1])
-run = swb.simulate(system, x0=[np.exp(-1), 0], t_span=np.pi / 2, rtol=1e-10)
-print(run.x_end, run.table(), sep="\\n")
-run.plot(sys.argv[1] + "/readme.svg")
-run.plot_phase(sys.argv[1] + "/readme_phase.svg")
-"""
-
-# The shortest first; the first line of each says what it shows.
+# Simulation, optimal control and feedback in turns, the quick ones first.
 ORDER = (
-    "bouncing_ball blocks expressions impact_oscillator cradle oscillator simulate transitions rocking_block play puck gallery "
-    "nmpc thermostats"
+    "bouncing_ball hysteresis_car expressions blocks nmpc impact_oscillator cradle transitions rocking_block puck gallery thermostats"
 ).split()
+
+PAGE = """<!doctype html>
+<meta charset="utf-8">
+<title>Switchback: first pictures</title>
+<style>body { font-family: sans-serif; max-width: 60rem; margin: 2rem auto } img { max-width: 100% }</style>
+<h1>First pictures</h1>
+"""
 
 
 def title(script: Path) -> str:
     """The first sentence of an example."""
     text = script.read_text(encoding="utf-8").split('"""')[1]
-    return " ".join(text.split("\n\n")[0].split())
+    return re.split(r"(?<=[.:])\s", " ".join(text.split("\n\n")[0].split()))[0].rstrip(".:")
 
 
-def pictures(folder: Path, since: float) -> list[str]:
-    """Files that were written since a time."""
-    kinds = (".svg", ".png", ".gif")
-    return sorted(p.name for p in folder.glob("*") if p.suffix in kinds and p.stat().st_mtime >= since)
+def written(folder: Path) -> dict[str, int]:
+    """Pictures in a folder, and when they were written."""
+    return {p.name: p.stat().st_mtime_ns for p in sorted(folder.glob("*")) if p.suffix in KINDS}
 
 
-def run(command: list[str], what: str, folder: Path, count: str, most: float) -> bool:
-    """Run an example, for at most some seconds; did it work? One that is cut off has not failed."""
-    print(f"[{count}] {what}", flush=True)
-    start, stamp = time.monotonic(), time.time() - 1.0
-    try:
-        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=most)
-    except subprocess.TimeoutExpired:
-        print(f"      not ready after {most:.0f} s, left to make examples", flush=True)
-        return True
-    took = time.monotonic() - start
-    if done.returncode != 0:
-        print(done.stdout)
-        print(f"      failed after {took:.1f} s", flush=True)
-        return False
-    drawn = ", ".join(pictures(folder, stamp)[:6])
-    print(f"      {took:.1f} s{': ' + drawn if drawn else ''}", flush=True)
-    return True
+class Demo:
+    """Programs that draw into a folder, one after the other."""
+
+    def __init__(self, folder: Path, budget: float) -> None:
+        self.folder, self.budget = folder, budget
+        self.start = time.monotonic()
+        self.page = [PAGE]
+        self.fine = True
+
+    def left(self) -> float:
+        """Seconds that are left."""
+        return self.budget - (time.monotonic() - self.start)
+
+    def run(self, command: list[str], what: str, count: str, cwd: Path) -> None:
+        """Runs a program for at most the time that is left. One that is cut off has not failed."""
+        print(f"[{count}] {what}", flush=True)
+        before, start = written(self.folder), time.monotonic()
+        try:
+            done = subprocess.run(
+                command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=max(self.left(), 5.0)
+            )
+        except subprocess.TimeoutExpired:
+            print("      not ready in the time that was left; make examples runs it", flush=True)
+            return
+        took = time.monotonic() - start
+        if done.returncode != 0:
+            self.fine = False
+            print(f"{done.stdout}\n      failed after {took:.1f} s", flush=True)
+            return
+        print(f"      {took:.1f} s", flush=True)
+        new = [name for name, at in written(self.folder).items() if before.get(name) != at]
+        self.page.append(f"<h2>{html.escape(what)}</h2>\n")
+        for name in new:
+            print(f"      {self.folder / name}", flush=True)
+            self.page.append(f'<p><img src="{html.escape(name)}" alt="{html.escape(name)}"></p>\n')
+
+
+def readme_program() -> str:
+    """The first Python program of the README."""
+    return re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.S)[0]
 
 
 def main() -> int:
-    folder, budget = Path(sys.argv[1]), float(sys.argv[2]) if len(sys.argv) > 2 else 150.0
+    folder, budget = Path(sys.argv[1]).resolve(), float(sys.argv[2]) if len(sys.argv) > 2 else 150.0
     folder.mkdir(parents=True, exist_ok=True)
-    start = time.monotonic()
-    total = 1 + len(ORDER)
-    fine = run([sys.executable, "-c", FIRST, str(folder)], "the first example of the README", folder, f"1/{total}", 60.0)
-    done = 1
+    demo = Demo(folder, budget)
+    total, done = 1 + len(ORDER), 1
+    with tempfile.TemporaryDirectory() as work:
+        script = Path(work) / "readme.py"
+        script.write_text(readme_program(), encoding="utf-8")
+        demo.run([sys.executable, str(script)], "README: a mass on a belt, simulated and controlled", f"1/{total}", folder)
     for k, name in enumerate(ORDER, 2):
-        left = budget - (time.monotonic() - start)
-        if left < 5.0:
+        if demo.left() < 5.0:
             break
         script = EXAMPLES / f"{name}.py"
-        fine &= run([sys.executable, str(script), str(folder)], f"{script.name}: {title(script)}", folder, f"{k}/{total}", left)
+        demo.run([sys.executable, str(script), str(folder)], f"{script.name}: {title(script)}", f"{k}/{total}", ROOT)
         done += 1
-    print(f"{done} of {total} examples in {time.monotonic() - start:.0f} s; pictures: {folder}")
+    page = folder / "index.html"
+    page.write_text("".join(demo.page), encoding="utf-8")
+    print(f"{done} of {total} programs in {time.monotonic() - demo.start:.0f} s; all pictures on one page: {page}")
     print("all examples, also in C: make examples; accuracy and speed: make benchmarks")
-    return 0 if fine else 1
+    return 0 if demo.fine else 1
 
 
 if __name__ == "__main__":

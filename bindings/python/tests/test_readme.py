@@ -27,6 +27,21 @@ def test_blocks_run(tmp_path, monkeypatch, capsys):
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 
+def test_the_first_program_runs(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("matplotlib")
+    page = DOCS.parent / "README.md"
+    if not page.is_file():
+        pytest.skip("no pages here")
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": "readme"}
+    (block,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+    exec(compile(block, str(page), "exec"), names)
+    # what its comments say
+    out = capsys.readouterr().out
+    assert "7.1805" in out and "8.4283" in out and "cost 5.47972" in out and "2 switches" in out
+    assert {"belt.svg", "best.svg"} <= {p.name for p in tmp_path.iterdir()}
+
+
 @pytest.mark.parametrize("page", ["tutorial", "models", "mpcc"])
 def test_tutorials_run(page, tmp_path, monkeypatch, capsys):
     pytest.importorskip("matplotlib")

@@ -63,11 +63,14 @@ def test_references_are_complete():
     assert "Ocp.set_lagrange" in python and "```" in python
 
 
-def test_the_demo_begins_with_a_picture(tmp_path, capsys):
-    assert demo.run([sys.executable, "-c", demo.FIRST, str(tmp_path)], "first", tmp_path, "1/2", 120.0)
-    assert demo.pictures(tmp_path, 0.0) == ["readme.svg", "readme_phase.svg"] and "readme.svg" in capsys.readouterr().out
-    assert not demo.run([sys.executable, "-c", "1 / 0"], "wrong", tmp_path, "2/2", 120.0)
-    assert "ZeroDivisionError" in capsys.readouterr().out
+def test_the_demo_names_the_pictures_of_each_program(tmp_path, capsys):
+    (tmp_path / "old.svg").write_text("of another program")
+    show = demo.Demo(tmp_path, 120.0)
+    show.run([sys.executable, "-c", "open('new.svg', 'w').write('<svg/>')"], "first", "1/2", tmp_path)
+    out = capsys.readouterr().out
+    assert show.fine and f"{tmp_path / 'new.svg'}\n" in out and "old.svg" not in out
+    show.run([sys.executable, "-c", "1 / 0"], "wrong", "2/2", tmp_path)
+    assert not show.fine and "ZeroDivisionError" in capsys.readouterr().out
     assert all(demo.title(demo.EXAMPLES / f"{name}.py") for name in demo.ORDER)
 
 
