@@ -1,7 +1,8 @@
 # Install what `cargo build --release` made:
 #
-#   cmake -DPREFIX=/usr/local [-DLIBDIR=lib] [-DBUILD_DIR=target/release] -P cmake/install.cmake
+#   cmake -DPREFIX=/usr/local [-DLIBDIR=lib] [-DBUILD_DIR=target/release] [-DSTRIP=OFF] -P cmake/install.cmake
 #
+# Libraries are stripped where there is an objcopy. What debuggers read about the shared one is in LIBDIR/.debug, where they look for it.
 # DESTDIR in the environment is put in front of the prefix.
 
 cmake_minimum_required(VERSION 3.16)
@@ -55,6 +56,23 @@ function(put from to)
   message(STATUS "${to}/${name}")
 endfunction()
 
+if(NOT DEFINED STRIP)
+  set(STRIP ON)
+endif()
+if(STRIP)
+  find_program(OBJCOPY NAMES objcopy llvm-objcopy)
+endif()
+
+# Runs objcopy; a library that it cannot read stays as it is.
+function(objcopy result)
+  execute_process(COMMAND "${OBJCOPY}" ${ARGN} RESULT_VARIABLE failed OUTPUT_QUIET ERROR_QUIET)
+  if(failed)
+    set(${result} FALSE PARENT_SCOPE)
+  else()
+    set(${result} TRUE PARENT_SCOPE)
+  endif()
+endfunction()
+
 foreach(header switchback.h switchback.hpp switchback_expr.hpp)
   if(EXISTS "${root}/include/${header}")
     put("${root}/include/${header}" "${dest}/include")
@@ -69,6 +87,18 @@ if(EXISTS "${shared}")
   if(failed)
     message(FATAL_ERROR "cannot write ${libdir}/${full}")
   endif()
+  if(OBJCOPY)
+    file(MAKE_DIRECTORY "${libdir}/.debug")
+    set(debug "${libdir}/.debug/${full}.debug")
+    objcopy(kept --only-keep-debug "${shared}" "${debug}")
+    if(kept)
+      objcopy(stripped --strip-unneeded "--add-gnu-debuglink=${debug}" "${shared}" "${libdir}/${full}")
+    endif()
+    if(NOT kept OR NOT stripped)
+      file(REMOVE "${debug}")
+      message(STATUS "not stripped: ${libdir}/${full}")
+    endif()
+  endif()
   foreach(link "libswitchback.so.${ABI}" libswitchback.so)
     file(REMOVE "${libdir}/${link}")
     file(CREATE_LINK "${full}" "${libdir}/${link}" SYMBOLIC)
@@ -77,6 +107,12 @@ if(EXISTS "${shared}")
 endif()
 if(EXISTS "${static}")
   put("${static}" "${libdir}")
+  if(OBJCOPY)
+    objcopy(stripped --strip-debug "${libdir}/libswitchback.a")
+    if(NOT stripped)
+      message(STATUS "not stripped: ${libdir}/libswitchback.a")
+    endif()
+  endif()
 endif()
 
 # From lib/cmake/switchback and lib/pkgconfig back to the prefix.
