@@ -41,7 +41,7 @@ fi
 $pip wheel --quiet --no-deps --no-build-isolation --wheel-dir "$dist/plain" ./bindings/python
 auditwheel repair --wheel-dir "$dist" "$dist"/plain/*.whl
 rm -rf "$dist/plain"
-(cd bindings/python && SWITCHBACK_LIBRARY= "$python" setup.py --quiet sdist --dist-dir "$dist" && rm -rf switchback.egg-info src/switchback.egg-info)
+(cd bindings/python && SWITCHBACK_LIBRARY= "$python" setup.py --quiet sdist --dist-dir "$dist" && rm -rf switchback_control.egg-info src/switchback_control.egg-info)
 ls -l "$dist"
 auditwheel show "$dist"/*.whl
 sh scripts/try_wheel.sh "$dist"/*.whl "$build/wheel_venv"

@@ -163,7 +163,7 @@ def signature(f: object) -> str:
 
 def python_reference() -> str:
     """Classes and functions of the package from their docstrings."""
-    swb = importlib.import_module("switchback")
+    swb = importlib.import_module("switchback_control")
     parts = ["# Reference of Python\n\nMade from the docstrings of the package.\n"]
     for name in sorted(swb.__all__, key=str.lower):
         thing = getattr(swb, name)

@@ -17,7 +17,7 @@ import re
 import sys
 
 import numpy as np
-import switchback as swb
+import switchback_control as swb
 
 w = 2 * np.pi
 A1, A2 = np.array([[1, w], [-w, 1]]), np.array([[1, -w], [w, 1]])

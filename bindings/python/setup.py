@@ -51,7 +51,7 @@ def library() -> Path:
 class BuildWithLibrary(build_py):
     def run(self):
         editable = getattr(self, "editable_mode", False)
-        destination = HERE / "src" / "switchback" if editable else Path(self.build_lib) / "switchback"
+        destination = HERE / "src" / "switchback_control" if editable else Path(self.build_lib) / "switchback_control"
         if not editable:
             shutil.rmtree(destination, ignore_errors=True)  # of an earlier build
         super().run()

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 FRICTION, T = 0.3, 12.0
 SPRINGS = np.array([[-2.0, 1.0, 0.0], [1.0, -2.0, 1.0], [0.0, 1.0, -1.0]])

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 folder.mkdir(parents=True, exist_ok=True)

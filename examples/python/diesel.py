@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 S_N, V_B, W0 = 325e3, 400.0, 2 * np.pi * 50
 H, R_A, X_L, X_D, X_Q, X_D1, X_D2 = 1.07, 0.0036, 0.052, 1.56, 1.06, 0.296, 0.177

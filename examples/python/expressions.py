@@ -6,8 +6,8 @@ usage: expressions.py FOLDER_FOR_PLOTS
 import sys
 from pathlib import Path
 
-import switchback as swb
-from switchback.expr import Model, clip, cos, sign, sin, solve
+import switchback_control as swb
+from switchback_control.expr import Model, clip, cos, sign, sin, solve
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 folder.mkdir(parents=True, exist_ok=True)

@@ -7,9 +7,9 @@ usage: gallery.py
 
 import numpy as np
 
-import switchback as swb
-from switchback import clip, cos, maximum, relay, sign, sin, sqrt, where
-from switchback.expr import Model
+import switchback_control as swb
+from switchback_control import clip, cos, maximum, relay, sign, sin, sqrt, where
+from switchback_control.expr import Model
 
 
 def driven_switch():

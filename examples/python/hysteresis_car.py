@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 INFINITY = float("inf")
 

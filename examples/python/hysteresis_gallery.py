@@ -16,7 +16,7 @@ from typing import Any
 import hysteresis_car
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 INFINITY = float("inf")
 

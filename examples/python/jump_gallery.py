@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-import switchback as swb
-from switchback import cos, sin, sqrt
+import switchback_control as swb
+from switchback_control import cos, sin, sqrt
 
 G = 9.81
 

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-import switchback as swb
-from switchback import sign, where
-from switchback.expr import Model
+import switchback_control as swb
+from switchback_control import sign, where
+from switchback_control.expr import Model
 
 
 @dataclass

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-import switchback as swb
-from switchback import sign
-from switchback.expr import Model
+import switchback_control as swb
+from switchback_control import sign
+from switchback_control.expr import Model
 
 STAGES, INTERVAL, STEPS = 10, 0.2, 25
 

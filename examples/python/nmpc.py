@@ -2,7 +2,7 @@
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 SAMPLE, STAGES, SAMPLES = 0.05, 40, 120
 START = [0.0, np.pi, 0.0, 0.0]

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import limit_cycles
 import numpy as np
 
-import switchback as swb
-from switchback import cos, sign, sin, where
-from switchback.expr import Model
+import switchback_control as swb
+from switchback_control import cos, sign, sin, where
+from switchback_control.expr import Model
 
 
 class Problem(NamedTuple):

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 OMEGA, T = 2 * np.pi, np.pi / 2
 INSIDE = np.array([[1.0, OMEGA], [-OMEGA, 1.0]])

@@ -6,7 +6,7 @@ usage: pile_of_discs.py FOLDER_FOR_PLOTS
 import sys
 from pathlib import Path
 
-import switchback as swb
+import switchback_control as swb
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 folder.mkdir(parents=True, exist_ok=True)

@@ -7,7 +7,7 @@ import sys
 from math import cos, sin
 from pathlib import Path
 
-import switchback as swb
+import switchback_control as swb
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 folder.mkdir(parents=True, exist_ok=True)

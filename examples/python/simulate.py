@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-import switchback as swb
-from switchback.expr import Model, sign
+import switchback_control as swb
+from switchback_control.expr import Model, sign
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 folder.mkdir(parents=True, exist_ok=True)

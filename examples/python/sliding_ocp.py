@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 T, STAGES = 4.0, 6
 X0 = [2 * np.pi / 3, np.pi / 3, 0.0, 0.0]

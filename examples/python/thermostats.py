@@ -13,8 +13,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-import switchback as swb
-from switchback.expr import Model, sin
+import switchback_control as swb
+from switchback_control.expr import Model, sin
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 folder.mkdir(parents=True, exist_ok=True)

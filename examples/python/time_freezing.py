@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 GRAVITY = 9.81
 #: Numerical times: the contact ends at 2.75.

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-import switchback as swb
-from switchback.expr import Model, sign, where
+import switchback_control as swb
+from switchback_control.expr import Model, sign, where
 
 
 def stick_slip():

@@ -132,7 +132,7 @@ PROBLEMS = {"buck": buck, "boost": boost, "relay": relay}
 
 def model(name: str):
     """The model for the library, without the tables above."""
-    from switchback.expr import Model, sign, where
+    from switchback_control.expr import Model, sign, where
 
     if name == "relay":
         m = Model(3)

@@ -17,9 +17,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-import switchback as swb
-from switchback import sign
-from switchback.expr import Model
+import switchback_control as swb
+from switchback_control import sign
+from switchback_control.expr import Model
 
 
 def problem(stages: int, way: str, certify: bool, limit: float) -> swb.Ocp:

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 PROBLEMS = {}
 DEAR = 1.01

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from jump_problems import Problems, main
 
-import switchback as swb
-from switchback import cos, exp, sin, sqrt, tanh
+import switchback_control as swb
+from switchback_control import cos, exp, sin, sqrt, tanh
 
 G = 9.81
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from jump_problems import Problems, main
 
-import switchback as swb
-from switchback import tanh
+import switchback_control as swb
+from switchback_control import tanh
 
 G = 9.81
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from jump_problems import Problems, main
 
-import switchback as swb
-from switchback import sin, sqrt
+import switchback_control as swb
+from switchback_control import sin, sqrt
 
 G = 9.81
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from switchback import casadi as bridge
+from switchback_control import casadi as bridge
 
 WAYS = ["callback", "own C", "CasADi C", "tape", "batch", "CasADi VM"]
 KINDS = ["value_ns", "jacobian_ns", "hessian_ns"]

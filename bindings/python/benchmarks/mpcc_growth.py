@@ -20,8 +20,8 @@ from typing import Any, Callable
 
 import numpy as np
 
-import switchback as swb
-from switchback.expr import sin
+import switchback_control as swb
+from switchback_control.expr import sin
 
 #: Length of the horizon.
 HORIZON = 4.0

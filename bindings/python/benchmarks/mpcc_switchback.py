@@ -17,14 +17,14 @@ from mpcc_problems import HERE, ROOT, Problem
 
 def load(library: str | None) -> Any:
     """The package that is installed, or that of this repository where none is, or where a library is given."""
-    if library or importlib.util.find_spec("switchback") is None:
+    if library or importlib.util.find_spec("switchback_control") is None:
         sys.path.insert(0, str(HERE.parent / "src"))
         built = ROOT / "target" / "release" / "libswitchback.so"
         if library or ("SWITCHBACK_LIBRARY" not in os.environ and built.is_file()):
             os.environ["SWITCHBACK_LIBRARY"] = os.path.abspath(library or built)
-    import switchback
+    import switchback_control
 
-    return switchback
+    return switchback_control
 
 
 def functions(swb: Any, problem: Problem, adapter: int) -> tuple[Any, Any, np.ndarray]:
@@ -87,7 +87,7 @@ def solve(
     which builds and orders the program as well; `functions` are the seconds in the functions of the problem, where they are
     counted (`count`), which takes time itself; `setup` is that of describing the program to the library, with what the
     Python package adds."""
-    from switchback._library import lib
+    from switchback_control._library import lib
 
     clock = time.thread_time()
     mpcc, adapter = program(swb, problem, members, options)

@@ -21,8 +21,8 @@ import numpy as np
 from nmpc_loops import ROOT, Tracking
 from scipy.optimize import linprog
 
-import switchback as swb
-from switchback.nmpc import Plan
+import switchback_control as swb
+from switchback_control.nmpc import Plan
 
 # errors of solutions, relative: smaller differences say nothing
 FLOOR = 1e-9

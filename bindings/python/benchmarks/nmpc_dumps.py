@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from nmpc_loops import ROOT, Tracking
 
-import switchback as swb
+import switchback_control as swb
 
 
 class Dumped:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "examples" / "python"))

@@ -13,7 +13,7 @@ import time
 import casadi as ca
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 H = 0.1
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 
 def squares(ocp, m, outputs, weights, target, end):

@@ -27,7 +27,7 @@ from typing import Any
 
 import optima_problems
 
-from switchback import SwitchbackError
+from switchback_control import SwitchbackError
 
 #: What other starts are made of; the first one is the default.
 CONFIGURATIONS = [

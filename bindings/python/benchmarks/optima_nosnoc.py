@@ -31,7 +31,7 @@ import optima_peers
 import optima_problems
 from optima_peers import INF, Array, Descent, Statement
 
-import switchback as swb
+import switchback_control as swb
 
 #: Problems of all kinds that nosnoc can state, from small to large.
 USUAL = [

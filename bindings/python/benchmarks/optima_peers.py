@@ -17,8 +17,8 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import linprog, minimize
 
-import switchback as swb
-from switchback import expr
+import switchback_control as swb
+from switchback_control import expr
 
 Array = np.ndarray
 INF = np.inf

@@ -22,9 +22,9 @@ from typing import Any, Callable
 
 import numpy as np
 
-import switchback as swb
-from switchback import clip, cos, dead_zone, exp, maximum, minimum, sign, sin, where
-from switchback.expr import Model, solve, step_table
+import switchback_control as swb
+from switchback_control import clip, cos, dead_zone, exp, maximum, minimum, sign, sin, where
+from switchback_control.expr import Model, solve, step_table
 
 INF = np.inf
 DOCUMENTS = Path(__file__).resolve().parents[3] / "benches" / "optima"

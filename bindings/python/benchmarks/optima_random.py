@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 import optima_peers
 
-import switchback as swb
-from switchback import SwitchbackError, where
-from switchback.expr import Model
+import switchback_control as swb
+from switchback_control import SwitchbackError, where
+from switchback_control.expr import Model
 
 #: Gains above this contradict a certificate.
 NONE = 1e-6

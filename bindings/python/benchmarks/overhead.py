@@ -9,7 +9,7 @@ import time
 import warnings
 
 import numpy as np
-import switchback as swb
+import switchback_control as swb
 
 REPETITIONS = int(sys.argv[1]) if len(sys.argv) > 1 else 200
 

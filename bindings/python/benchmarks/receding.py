@@ -18,9 +18,9 @@ from typing import Any, Callable
 
 import numpy as np
 
-import switchback as swb
-from switchback import sign
-from switchback.expr import Model, sin
+import switchback_control as swb
+from switchback_control import sign
+from switchback_control.expr import Model, sin
 
 #: Share of the usual size of a state that a measurement is off by.
 NOISE = 0.005

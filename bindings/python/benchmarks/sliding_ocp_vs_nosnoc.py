@@ -32,7 +32,7 @@ from typing import Callable
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 HORIZON, STAGES, ELEMENTS = 4.0, 6, 6
 X0 = np.array([2 * np.pi / 3, np.pi / 3, 0.0, 0.0])

@@ -16,8 +16,8 @@ import tempfile
 import time
 from pathlib import Path
 
-import switchback as swb
-from switchback.expr import Model, sign, sin
+import switchback_control as swb
+from switchback_control.expr import Model, sign, sin
 
 HERE = Path(__file__).resolve().parent
 SIZES = {"chain": [3, 10, 30, 100, 300], "rooms": [5, 20, 100, 300], "rod": [50, 100, 200, 400]}

@@ -19,8 +19,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import switchback as swb
-from switchback import SwitchbackError
+import switchback_control as swb
+from switchback_control import SwitchbackError
 
 DOCUMENTS = Path(__file__).resolve().parents[3] / "benches" / "optima"
 #: Of several kinds: free and fixed time, sliding, terminal constraints, bounds, least squares, parameters.

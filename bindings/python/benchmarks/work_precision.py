@@ -32,7 +32,7 @@ SMALL = 1e-2  # the absolute tolerance relative to the other one and to the size
 
 
 def library(p: Problem, tol: float) -> tuple[float, int, np.ndarray]:
-    import switchback as swb
+    import switchback_control as swb
 
     atol = [SMALL * tol * s for s in p.sizes] + [SMALL * tol] * len(p.extra)
     integrator = swb.Integrator(model(p.name), rtol=tol, atol=atol)

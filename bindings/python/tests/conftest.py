@@ -11,7 +11,7 @@ sys.path.insert(0, os.path.dirname(__file__))
 @pytest.fixture
 def live():
     """Numbers of objects of the library that are not freed, after the garbage was collected."""
-    from switchback import _call
+    from switchback_control import _call
 
     def count():
         gc.collect()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-import switchback as swb
+import switchback_control as swb
 
 OMEGA = 2 * np.pi
 OSCILLATOR_X0 = [np.exp(-1.0), 0.0]

@@ -5,7 +5,7 @@ import tracemalloc
 import models
 import numpy as np
 import pytest
-import switchback as swb
+import switchback_control as swb
 
 HUGE = np.broadcast_to(1.0, (10**8,))  # 8 bytes
 HUGE_INTEGERS = np.broadcast_to(1, (10**8,))

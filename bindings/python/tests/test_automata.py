@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy
 import pytest
 
-import switchback as swb
-from switchback.expr import Model, sign
+import switchback_control as swb
+from switchback_control.expr import Model, sign
 
 SCENES = Path(__file__).resolve().parents[3] / "tests" / "data" / "reference" / "scenes"
 

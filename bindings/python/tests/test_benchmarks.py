@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 COLLECTION = Path(__file__).resolve().parent / "collection"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 
 G = 9.81
 TIGHT = {"rtol": 1e-11, "atol": 1e-12}

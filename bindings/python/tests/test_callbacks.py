@@ -13,7 +13,7 @@ import weakref
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 from models import A_IN, A_OUT, OSCILLATOR_T, OSCILLATOR_X0, OSCILLATOR_XT, oscillator, tutorial
 
 
@@ -102,7 +102,7 @@ def test_nan_from_callbacks():
 
 
 def test_error_codes_of_compiled_code():
-    from switchback import _ffi
+    from switchback_control import _ffi
 
     code = _ffi.swb_value_fn(lambda at, out, data: -42)
     f = swb.Function.from_pointers(code, 1, keep=code)
@@ -216,7 +216,7 @@ def test_handler_of_the_user():
 def test_interrupt_of_a_process():
     """Compiled code only: Python runs nowhere but in the iterations."""
     code = (
-        "import signal, switchback as swb\n"
+        "import signal, switchback_control as swb\n"
         # shells start what runs in the background with interrupts switched off
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "s = swb.System(1, f0=lambda x: -x)\n"

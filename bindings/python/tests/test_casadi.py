@@ -7,7 +7,7 @@ import casadi as ca
 import models
 import numpy as np
 import pytest
-import switchback as swb
+import switchback_control as swb
 
 HOW = ["compile", "interpret"]
 AT = {"x": [0.7, -1.3], "u": [0.9], "p": [5.0], "t": 0.4}
@@ -98,7 +98,7 @@ def test_optimal_control(how):
 
 
 def test_functions_inside_expressions():
-    from switchback.expr import Model, external, sign
+    from switchback_control.expr import Model, external, sign
 
     x = ca.SX.sym("x", 2)
     pull = swb.casadi.function(ca.Function("pull", [x], [-ca.sin(x[0])], ["x"], ["y"]))
@@ -163,7 +163,7 @@ def test_programs_of_casadi_functions():
 
 
 def test_the_package_does_not_need_casadi():
-    code = "import sys; sys.modules['casadi'] = None; import switchback as swb; swb.Function(lambda x: x, 1)(x=[1.0])"
+    code = "import sys; sys.modules['casadi'] = None; import switchback_control as swb; swb.Function(lambda x: x, 1)(x=[1.0])"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
@@ -228,7 +228,7 @@ def test_what_does_not_switch_is_taken():
 @pytest.mark.parametrize("kind", [ca.SX, ca.MX])
 def test_models_are_those_of_expressions(kind):
     """if_else, sign, fmax and fabs become the modes that where, sign, maximum and abs have, to the last bit."""
-    from switchback.expr import Model, maximum, sign, where
+    from switchback_control.expr import Model, maximum, sign, where
 
     x, u, p, t = kind.sym("x", 2), kind.sym("F"), kind.sym("k"), kind.sym("t")
     q, v = x[0], x[1]

@@ -6,9 +6,9 @@ import pickle
 
 import numpy as np
 import pytest
-import switchback as swb
-from switchback import expr
-from switchback.expr import Model, cos, sign, where
+import switchback_control as swb
+from switchback_control import expr
+from switchback_control.expr import Model, cos, sign, where
 
 
 def slider():

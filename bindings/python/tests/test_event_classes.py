@@ -3,8 +3,8 @@ time. What is right is known in closed form."""
 
 import numpy as np
 import pytest
-import switchback as swb
-from switchback import Model
+import switchback_control as swb
+from switchback_control import Model
 
 # --- units that know nothing of each other ------------------------------------------------------------
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-import switchback as swb
-from switchback import expr
-from switchback.expr import Counts, Model, clip, cos, jacobian, maximum, sign, sin, solve, table, where
+import switchback_control as swb
+from switchback_control import expr
+from switchback_control.expr import Counts, Model, clip, cos, jacobian, maximum, sign, sin, solve, table, where
 
 
 def evaluate(model, e, x, u=(), p=(), t=0.0):

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-import switchback as swb
-from switchback import _ffi
+import switchback_control as swb
+from switchback_control import _ffi
 
 ROOT = Path(__file__).resolve().parents[3]
 INTERFACE = ROOT / "include" / "api.json"
@@ -107,7 +107,7 @@ def run(code, **variables):
 
 
 def test_library_that_is_not_there(tmp_path):
-    done = run("import switchback", SWITCHBACK_LIBRARY=str(tmp_path / "nowhere.so"))
+    done = run("import switchback_control", SWITCHBACK_LIBRARY=str(tmp_path / "nowhere.so"))
     assert done.returncode == 1
     assert "ImportError: switchback: the library cannot be loaded" in done.stderr and "nowhere.so" in done.stderr
 
@@ -116,7 +116,7 @@ def test_library_of_something_else():
     import ctypes.util
 
     other = ctypes.util.find_library("m") or ctypes.util.find_library("c")
-    done = run("import switchback", SWITCHBACK_LIBRARY=other)
+    done = run("import switchback_control", SWITCHBACK_LIBRARY=other)
     assert done.returncode == 1 and "is no switchback library" in done.stderr
 
 
@@ -128,7 +128,7 @@ def test_library_of_another_version(tmp_path):
         'const char *swb_version(void) { return "0.0.7"; }\n'
     )
     subprocess.run(["cc", "-shared", "-fPIC", source, "-o", tmp_path / "old.so"], check=True)
-    done = run("import switchback", SWITCHBACK_LIBRARY=str(tmp_path / "old.so"))
+    done = run("import switchback_control", SWITCHBACK_LIBRARY=str(tmp_path / "old.so"))
     assert done.returncode == 1 and "has version 0.0.7" in done.stderr and "0.1.0" in done.stderr
 
 
@@ -139,13 +139,13 @@ def test_where_it_comes_from():
 
 
 def test_matplotlib_is_lazy():
-    done = run("import sys, switchback; sys.exit('matplotlib' in sys.modules)")
+    done = run("import sys, switchback_control; sys.exit('matplotlib' in sys.modules)")
     assert done.returncode == 0, done.stderr
 
 
 def test_interpreter_ends_with_objects_alive():
     done = run(
-        "import switchback as s; m = s.Mpcc(1, lambda x: x[0]**2); m.solve(); m.cycle = m\n"
+        "import switchback_control as s; m = s.Mpcc(1, lambda x: x[0]**2); m.solve(); m.cycle = m\n"
         "t = s.simulate_fesd(s.System(1, f0=lambda x: -x), [1.0], 1.0, 3).trajectory"
     )
     assert done.returncode == 0 and done.stderr == ""

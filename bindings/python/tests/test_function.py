@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 from models import oscillator
 
 X, U, P, T = [0.7, -1.3, 2.1], [0.9], [1.7], 0.4

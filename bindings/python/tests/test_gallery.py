@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import switchback as swb
+import switchback_control as swb
 
 _root = Path(__file__).resolve().parents[3]
 _path = _root / "examples" / "python" / "gallery.py"

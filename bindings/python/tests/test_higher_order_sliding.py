@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 import pytest
-import switchback as swb
-from switchback.expr import Model, cos, sign, sin, sqrt
+import switchback_control as swb
+from switchback_control.expr import Model, cos, sign, sin, sqrt
 
 TOLERANCES = [1e-4, 1e-6, 1e-8, 1e-10]
 

@@ -11,7 +11,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 from models import OSCILLATOR_X0, oscillator, tutorial
 
 # The same examples each time, without a clock: a slow machine is no failure.
@@ -106,7 +106,7 @@ def test_documents_with_anything(text, place, piece):
 
 
 def friction():
-    from switchback.expr import Model, sign
+    from switchback_control.expr import Model, sign
 
     m = Model(states="q v", controls="u")
     q, v = m.x
@@ -130,8 +130,8 @@ LONG = {
 CTRL_C = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # programs in the background begin without one
-import switchback as swb
-from switchback.expr import Model, sign
+import switchback_control as swb
+from switchback_control.expr import Model, sign
 m = Model(states="q v", controls="u")
 q, v = m.x
 m.derivatives = [v, m.u[0] - q - 0.2 * sign(v)]

@@ -6,8 +6,8 @@ import warnings
 import numpy as np
 import pytest
 
-import switchback as swb
-from switchback.expr import where
+import switchback_control as swb
+from switchback_control.expr import where
 
 
 def moved(x, high, low, t):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import switchback as swb
-from switchback._flow import Flow
-from switchback.expr import Model, sign, where
+import switchback_control as swb
+from switchback_control._flow import Flow
+from switchback_control.expr import Model, sign, where
 
 X0, P, U, T = np.array([1.0, 0.2]), np.array([1.3, 0.3]), np.array([0.2]), 4.0
 OPTIONS = {"rtol": 1e-11, "atol": 1e-12}
@@ -58,7 +58,7 @@ def test_flows_refuse():
 
 def test_jax():
     jax = pytest.importorskip("jax")
-    import switchback.jax
+    import switchback_control.jax
 
     jax.config.update("jax_enable_x64", True)
     model, weights = spring(), np.array([1.0, -2.0])
@@ -78,7 +78,7 @@ def test_jax():
 
 def test_torch():
     torch = pytest.importorskip("torch")
-    import switchback.torch
+    import switchback_control.torch
 
     weights = np.array([1.0, -2.0])
     x0, p, u = (torch.tensor(v, dtype=torch.float64, requires_grad=True) for v in (X0, P, U))

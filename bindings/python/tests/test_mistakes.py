@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 from models import A_IN, oscillator
-from switchback.expr import Model, sign, solve
+from switchback_control.expr import Model, sign, solve
 
 
 def spring():

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-import switchback as swb
-from switchback import maximum, minimum, sign, sin
-from switchback.expr import Model, step_table
+import switchback_control as swb
+from switchback_control import maximum, minimum, sign, sin
+from switchback_control.expr import Model, step_table
 
 
 def weights(h, n, seed):

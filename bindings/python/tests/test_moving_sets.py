@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples" / "python"))
 moving_sets = importlib.import_module("moving_sets")

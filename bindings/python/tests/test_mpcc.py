@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import switchback as swb
-from switchback import constraint as c
-from switchback import variable as v
+import switchback_control as swb
+from switchback_control import constraint as c
+from switchback_control import variable as v
 
 INF = np.inf
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import switchback as swb
-from switchback import constraint as c
+import switchback_control as swb
+from switchback_control import constraint as c
 
 try:
     import scipy.sparse as sparse

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 
 INF = np.inf
 linprog = pytest.importorskip("scipy.optimize").linprog

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 
 N, H = 15, 0.1
 

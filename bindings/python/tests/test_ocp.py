@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 from models import TUTORIAL_COST, TUTORIAL_X0, sides, tutorial
 
 

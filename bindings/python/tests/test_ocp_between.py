@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-import switchback as swb
-from switchback.expr import Model
+import switchback_control as swb
+from switchback_control.expr import Model
 
 STAGES, HORIZON = 6, 3.0
 

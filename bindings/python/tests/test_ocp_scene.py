@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 

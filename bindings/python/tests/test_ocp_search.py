@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from models import tutorial
 
-import switchback as swb
-from switchback.expr import Model, sign
+import switchback_control as swb
+from switchback_control.expr import Model, sign
 
 
 def controlled(lagrange=None, **options):

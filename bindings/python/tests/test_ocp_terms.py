@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 
 
 def rest_to_rest(n_stages: int, **options) -> swb.Ocp:

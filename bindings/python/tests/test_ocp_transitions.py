@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples" / "python"))
 hysteresis_car = importlib.import_module("hysteresis_car")

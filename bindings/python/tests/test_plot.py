@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 from models import OSCILLATOR_T, OSCILLATOR_X0, oscillator, tutorial
 from test_ocp import constrained
 

@@ -9,8 +9,8 @@ import matplotlib.pyplot
 import numpy as np
 import pytest
 
-import switchback as swb
-from switchback.expr import Model, sign, where
+import switchback_control as swb
+from switchback_control.expr import Model, sign, where
 
 TIMES = np.linspace(0.0, 6.0, 301)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import switchback as swb
-from switchback import ContactMode, ImpactKind, cos, sign, sin, sqrt
+import switchback_control as swb
+from switchback_control import ContactMode, ImpactKind, cos, sign, sin, sqrt
 
 G = 9.81
 TIGHT = {"rtol": 1e-12, "atol": 1e-13}

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-import switchback as swb
-from switchback import cos, exp, sin, sqrt
+import switchback_control as swb
+from switchback_control import cos, exp, sin, sqrt
 
 G = 9.81
 

@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 from models import sides
 
 

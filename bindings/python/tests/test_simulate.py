@@ -6,9 +6,9 @@ import threading
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 from models import OMEGA, OSCILLATOR_T, OSCILLATOR_X0, OSCILLATOR_XT, oscillator, sides
-from switchback.expr import Model, sign, sin
+from switchback_control.expr import Model, sign, sin
 
 
 def oscillator_model():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 from models import A_IN, A_OUT, OSCILLATOR_T, OSCILLATOR_X0, OSCILLATOR_XT, oscillator, sides
 
 

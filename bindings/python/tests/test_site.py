@@ -55,7 +55,7 @@ def test_references_are_complete():
     symbols = (ROOT / "capi_tests" / "abi" / "symbols.txt").read_text().split()
     missing = [s for s in symbols if f"### {s}\n" not in reference]
     assert not missing
-    import switchback as swb
+    import switchback_control as swb
 
     python = site.python_reference()
     named = [n for n in swb.__all__ if not inspect_module(getattr(swb, n))]

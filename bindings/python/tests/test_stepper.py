@@ -5,7 +5,7 @@ import threading
 import numpy
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 
 
 def ball(e=0.0):

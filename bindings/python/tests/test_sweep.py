@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 from models import tutorial
-from switchback.expr import Model, sign
+from switchback_control.expr import Model, sign
 
 GRID = {"k": np.linspace(1.0, 2.0, 12), "mu": [0.1, 0.3]}
 

@@ -9,9 +9,9 @@ import warnings
 import numpy as np
 import pytest
 
-import switchback as swb
+import switchback_control as swb
 from models import A_IN, A_OUT, OSCILLATOR_T, OSCILLATOR_X0, OSCILLATOR_XT, oscillator
-from switchback.expr import Model, where
+from switchback_control.expr import Model, where
 
 POINT = dict(x=[0.3, -0.7, 1.1], u=[0.4], p=[2.0, -1.0], t=0.6)
 

@@ -7,8 +7,8 @@ import math
 import numpy
 import pytest
 
-import switchback as swb
-from switchback.expr import Model
+import switchback_control as swb
+from switchback_control.expr import Model
 
 
 def ball(e=0.9):
@@ -35,7 +35,7 @@ def test_a_ball_that_bounces():
 
 
 def test_plots_show_both_sides_of_a_jump():
-    from switchback.plot import _curve
+    from switchback_control.plot import _curve
 
     run = swb.simulate(ball(), [1.0, 0.0], 3.0)
     t, x, jumps = _curve(run, 12)

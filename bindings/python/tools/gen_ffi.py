@@ -1,4 +1,4 @@
-"""Write src/switchback/_ffi.py from include/api.json.
+"""Write src/switchback_control/_ffi.py from include/api.json.
 
 usage: gen_ffi.py [--check] [INTERFACE [OUTPUT]]
 
@@ -18,7 +18,7 @@ from api import Api, Parameter, Type, load  # noqa: E402
 import output  # noqa: E402
 
 INTERFACE = ROOT / "include" / "api.json"
-OUTPUT = HERE.parent / "src" / "switchback" / "_ffi.py"
+OUTPUT = HERE.parent / "src" / "switchback_control" / "_ffi.py"
 
 SCALARS = {
     "void": "None",

@@ -1,6 +1,6 @@
 """Simulation and optimal control of systems that switch.
 
-import switchback as swb
+import switchback_control as swb
 
 system = swb.System(nx=1)
 system.add_subsystem(modes=[[3.0], [1.0]], psi=lambda x: x[0], signs=[-1, 1])

@@ -50,7 +50,7 @@ def refuse(parts: list[Any], names: list[list[str]]) -> None:
                     f"output {k} ('{part.name_out(k)}') of function '{part.name()}' has {', '.join(words)} in it, and would be "
                     "taken as smooth: state what it switches between as modes with switching functions (System."
                     "add_subsystem), or write the model in expressions (Model), which turn abs, sign, min, max and where "
-                    "into modes; where it is smooth all the same, say so: switchback.casadi.function(f, smooth=True)"
+                    "into modes; where it is smooth all the same, say so: switchback_control.casadi.function(f, smooth=True)"
                 )
 
 

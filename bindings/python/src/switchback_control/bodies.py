@@ -605,7 +605,7 @@ class World:
         return x[: scene.n_q], x[scene.n_q :]
 
     def simulate(self, t_span: Any, **keywords: Any) -> Run:
-        """Simulate from where the bodies are placed; see `switchback.simulate` for the rest."""
+        """Simulate from where the bodies are placed; see `switchback_control.simulate` for the rest."""
         run = self.scene.simulate(*self.start(), t_span, **keywords)
         run._placed = dict(self._placed)
         return run
@@ -636,7 +636,7 @@ class World:
         return Motion(times, s.x, s.y, s.vx, s.vy, angle, omega, z, vz)
 
     def animate(self, run: Run, path: Any, **keywords: Any) -> None:
-        """See `switchback.animate`."""
+        """See `switchback_control.animate`."""
         from .animation import animate
 
         animate(run, path, **keywords)

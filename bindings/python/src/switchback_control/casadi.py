@@ -1,6 +1,6 @@
 """Functions of CasADi as functions of a model, without Python in the loop.
 
-    import casadi as ca, switchback as swb
+    import casadi as ca, switchback_control as swb
 
     x = ca.SX.sym("x", 2)
     psi = ca.Function("psi", [x], [ca.sumsqr(x) - 1], ["x"], ["c"])

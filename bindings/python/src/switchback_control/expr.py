@@ -1,6 +1,6 @@
 """Models written as expressions: exact derivatives, and operators that switch become modes.
 
-from switchback.expr import Model, sign, sin
+from switchback_control.expr import Model, sign, sin
 
 m = Model(states="x")
 m.derivatives = [-sign(m.x[0]) + 0.2 * sin(5 * m.t)]
@@ -384,7 +384,7 @@ def _known_instead(name: str) -> str:
     close |= {"arcsinh": "log(a + sqrt(a**2 + 1))", "reciprocal": "1 / a", "float_power": "a**b", "deg2rad": "a * pi / 180", "rad2deg": "a * 180 / pi"}
     if name in close:
         return f": use {close[name]}"
-    return ": known are + - * / **, comparisons, and the functions of switchback.expr"
+    return ": known are + - * / **, comparisons, and the functions of switchback_control.expr"
 
 
 def _graph_of(*operands: Any) -> Graph:

@@ -1,6 +1,6 @@
 """Simulations in JAX programs, differentiated by the adjoint of the library through switches and sliding modes.
 
-    import jax, switchback as swb, switchback.jax
+    import jax, switchback_control as swb, switchback_control.jax
 
     jax.config.update("jax_enable_x64", True)
 

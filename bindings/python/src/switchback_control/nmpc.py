@@ -279,7 +279,7 @@ class Nmpc(Handle):
 
 @dataclass(frozen=True, repr=False)
 class ClosedLoop(Recorded):
-    """What happened in a closed loop. It can be copied, pickled, and written by `save` (see `switchback.load`).
+    """What happened in a closed loop. It can be copied, pickled, and written by `save` (see `switchback_control.load`).
 
     t         [steps + 1] times of the samples
     x         [steps + 1, nx] states of the plant at them

@@ -85,7 +85,7 @@ class Optimality:
 class OcpResult(Hints, OverElements, HasOutcome):
     """What a solve found; `controls` has a row for each control stage, which last from `control_times` on. `result["q"]` are the
     values of a state or a control, by its name, at the boundaries of the finite elements. It can be copied, pickled, and written by
-    `save` (see `switchback.load`)."""
+    `save` (see `switchback_control.load`)."""
 
     _instead = {
         "objective": "it is result.cost",

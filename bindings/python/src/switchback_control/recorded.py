@@ -141,7 +141,7 @@ class Recorded:
         return pandas.DataFrame(columns, index=pandas.Index(t, name="t"))
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write it to a file, which `switchback.load` reads: NumPy's .npz, or .json."""
+        """Write it to a file, which `switchback_control.load` reads: NumPy's .npz, or .json."""
         from ._store import save
 
         save(self, path)
@@ -173,7 +173,7 @@ class OverElements(Recorded):
         return {**self.__dict__, "system": SystemInfo.of(self.system, self.trajectory.n_modes)}
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
-        """See `switchback.plot`."""
+        """See `switchback_control.plot`."""
         from .plot import plot
 
         return plot(self, path, **keywords)

@@ -149,7 +149,7 @@ def _numbers(address: int, shape: tuple[int, ...], kind: Any) -> Array:
 
 class Run(Hints, Recorded, Handle):
     """Result of a simulation. Call it for the states at any times, if it was made with `dense`; `run["q"]` are the values of a
-    state at the times `t`. It can be copied, pickled, and written by `save` (see `switchback.load`).
+    state at the times `t`. It can be copied, pickled, and written by `save` (see `switchback_control.load`).
 
     t, x               starts and ends of the steps, [n] and [n, nx]; without `dense` the end only
     t_start, t_end     from when to when
@@ -480,25 +480,25 @@ class Run(Hints, Recorded, Handle):
         return "\n".join(lines)
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
-        """See `switchback.plot_run`."""
+        """See `switchback_control.plot_run`."""
         from .plot import plot_run
 
         return plot_run(self, path, **keywords)
 
     def plot_phase(self, path: Any = None, **keywords: Any) -> Any:
-        """See `switchback.plot_phase`."""
+        """See `switchback_control.plot_phase`."""
         from .plot import plot_phase
 
         return plot_phase(self, path, **keywords)
 
     def plot_contacts(self, path: Any = None, **keywords: Any) -> Any:
-        """See `switchback.plot_contacts`."""
+        """See `switchback_control.plot_contacts`."""
         from .plot import plot_contacts
 
         return plot_contacts(self, path, **keywords)
 
     def animate(self, path: Any, **keywords: Any) -> None:
-        """See `switchback.animate`."""
+        """See `switchback_control.animate`."""
         from .animation import animate
 
         animate(self, path, **keywords)

@@ -277,7 +277,7 @@ class Scene(_ContactSystem):
         self._current = False
 
     def simulate(self, q0: Any, v0: Any, t_span: Any, **keywords: Any) -> Run:
-        """Simulate from coordinates and velocities; see `switchback.simulate` for the rest."""
+        """Simulate from coordinates and velocities; see `switchback_control.simulate` for the rest."""
         from .integrator import simulate
 
         x0 = numpy.concatenate([vector(q0, self.n_q, "q0"), vector(v0, self.n_v, "v0")])
@@ -307,7 +307,7 @@ class Scene(_ContactSystem):
         return freeze(self, step, speed, a_n, stiffness, creep, speed_of_time, costs, at)
 
     def simulate_steps(self, q0: Any, v0: Any, t_span: Any, h: float = 1e-3, **keywords: Any) -> Steps:
-        """Simulate by time stepping, for many contacts; see `switchback.simulate_steps`."""
+        """Simulate by time stepping, for many contacts; see `switchback_control.simulate_steps`."""
         from .stepper import simulate_steps
 
         return simulate_steps(self, q0, v0, t_span, h, **keywords)

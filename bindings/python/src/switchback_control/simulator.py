@@ -129,7 +129,7 @@ class Simulator(Solver):
 class SimulationResult(OverElements, HasOutcome):
     """What a simulation found; `controls` has a row for each step, which last from `control_times` on. `result["q"]` are the
     values of a state or a control, by its name, at the boundaries of the finite elements. It can be copied, pickled, and written by
-    `save` (see `switchback.load`)."""
+    `save` (see `switchback_control.load`)."""
 
     outcome: Outcome
     time: float

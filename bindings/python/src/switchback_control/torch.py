@@ -1,6 +1,6 @@
 """Simulations in PyTorch programs, differentiated by the adjoint of the library through switches and sliding modes.
 
-    import torch, switchback as swb, switchback.torch
+    import torch, switchback_control as swb, switchback_control.torch
 
     p = torch.tensor([1.0], dtype=torch.float64, requires_grad=True)
     loss = ((swb.torch.simulate(model, x0, 2.0, p=p) - goal) ** 2).sum()

@@ -33,7 +33,7 @@ class Switch:
 
 class Trajectory(Recorded, Handle):
     """Finite elements, each a polynomial, that end where the system switches. Call it for the states at any times. It can be
-    copied, pickled, and written by `save` (see `switchback.load`).
+    copied, pickled, and written by `save` (see `switchback_control.load`).
 
     times           [n_elements + 1] element boundaries
     states          [n_elements + 1, nx] states there
@@ -144,7 +144,7 @@ class Trajectory(Recorded, Handle):
         return SavedTrajectory._of(self).__reduce__()
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
-        """See `switchback.plot`."""
+        """See `switchback_control.plot`."""
         from .plot import plot
 
         return plot(self, path, **keywords)
