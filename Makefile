@@ -4,6 +4,7 @@
 # make site      the documentation as web pages, in build/site
 # make check     everything that must hold before a commit; what .ci/run runs. Of a library without link-time optimisation, which two
 #                processors build in half of the time; make check PROFILE=release checks what is shipped
+# make quick     formatting, layers and unit tests, while one works: two minutes after a change of one line
 # make install   library, header, CMake and pkg-config files into PREFIX
 # make header    write what is made of src/settings/options.toml, include/switchback.h, include/api.json, and from that what Python and Julia declare
 # make release-wheel  a wheel that needs nothing of the system, and a source distribution, into build/dist
@@ -31,7 +32,7 @@ LIBRARY = $(TARGET)/$(PROFILE)
 HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml --target-dir $(TARGET)/header --
 
 .NOTPARALLEL:
-.PHONY: all build demo examples benchmarks site check install header docs deps clean fuzz \
+.PHONY: all build demo examples benchmarks site check quick install header docs deps clean fuzz \
 	demo-report demo-c demo-python stage stage-examples \
 	check-format check-lint check-rust check-header check-stage check-c check-examples check-pkgconfig check-python \
 	check-julia check-hostile check-crate
@@ -139,6 +140,10 @@ check: deps
 	$(MAKE) PROFILE=$(PROFILE) check-stage wheel stage-examples
 	printf '%s\n' $(STEPS) | xargs -P $(JOBS) -n 1 sh scripts/check_step.sh "$(MAKE) PROFILE=$(PROFILE) INSTALLED=yes" $(BUILD)
 	@echo "all checks passed"
+
+# What a change of one line can break at once; built anew by increments, without optimisation.
+quick: check-format
+	CARGO_INCREMENTAL=1 $(CARGO) test --quiet --profile unit --features faer --lib --test layers --test header --test readme
 
 check-format:
 	$(CARGO) fmt --check

@@ -43,7 +43,11 @@ int main(void)
     AT(swb_accuracy, 5, terminal_violation);
     AT(swb_accuracy, 6, cost);
     AT(swb_accuracy, 7, cost_error);
-    CHECK(sizeof(swb_accuracy) == (size_t)8 * 8);
+    AT(swb_accuracy, 8, along_violation);
+    AT(swb_accuracy, 9, along_time);
+    AT(swb_accuracy, 10, along_constraint);
+    AT(swb_accuracy, 11, along_row);
+    CHECK(sizeof(swb_accuracy) == (size_t)8 * 12);
     AT(swb_stats, 0, struct_size);
     AT(swb_stats, 1, iterations);
     AT(swb_stats, 2, factorisations);

@@ -331,6 +331,8 @@ static void free_lengths(void)
     CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_durations(ocp, found, 2));
     CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_accuracy(ocp, &accuracy, sizeof accuracy));
     CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_certificate(ocp, &certificate, sizeof certificate));
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_solve(ocp, &outcome)); /* the parameter has no value */
+    CHECK_OK(swb_ocp_set_params(ocp, zero, 1));
     CHECK_OK(swb_ocp_solve(ocp, &outcome));
     CHECK(outcome == SWB_OUTCOME_SOLVED);
     CHECK_OK(swb_ocp_get_durations(ocp, found, 2));
