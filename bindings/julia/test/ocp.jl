@@ -87,10 +87,10 @@ plain_model() = (m = Model(states = :x, controls = :u, parameters = (:a, :b)); d
     add_terminal!(ocp, x - 5, nothing, nothing)
     add_terminal!(ocp, (x, u) -> x[1] + 0u[1], 1.5, 1.5)
     @test solve!(ocp).cost ≈ 0.25 rtol = 1e-8
-    ocp = Ocp(m, 1.0, 4; lagrange = (u - 1)^2, n_fe = 1)
+    ocp = Ocp(m, 1.0, 4; lagrange = (u - 1)^2, n_fe = 1, params = (a = 0.5, b = 2.0))
     add_periodic!(ocp)
     @test solve!(ocp).cost ≈ 1 rtol = 1e-8
-    ocp = Ocp(m, 1.0, 4; lagrange = u^2, n_fe = 1)
+    ocp = Ocp(m, 1.0, 4; lagrange = u^2, n_fe = 1, params = (a = 0.5, b = 2.0))
     add_boundary!(ocp, between_ends(m, (a, b) -> b[1] - 3a[1]), 0.0, 0.0)
     add_boundary!(ocp, x -> x[1] + x[2], 4.0, 4.0)
     r = solve!(ocp)
@@ -137,16 +137,16 @@ end
 
 @testset "several starts and phases" begin
     m = plain_model()
-    ocp = Ocp(m, 1.0, 3; lagrange = (m[:u]^2 - 1)^2, initial_state = [0.0], control_bounds = (-2, 2), n_fe = 1)
+    ocp = Ocp(m, 1.0, 3; lagrange = (m[:u]^2 - 1)^2, initial_state = [0.0], control_bounds = (-2, 2), n_fe = 1, params = (a = 0.5, b = 2.0))
     u = random_starts(ocp, 3; seed = 4)
     @test size(u) == (1, 3, 3) && u == random_starts(ocp, 3; seed = 4)
     found = solve_starts!(ocp, u; threads = 2)
     @test length(found.starts) == 3 && found.starts[found.best].cost == minimum(s.cost for s in found.starts) ≈ result(ocp).cost
     @test all(s -> s.outcome === :solved && s.error == "", found.starts)
-    julia = Ocp(m, 1.0, 3; lagrange = u -> (u[1]^2 - 1)^2, initial_state = [0.0], control_bounds = (-2, 2), n_fe = 1)
+    julia = Ocp(m, 1.0, 3; lagrange = u -> (u[1]^2 - 1)^2, initial_state = [0.0], control_bounds = (-2, 2), n_fe = 1, params = (a = 0.5, b = 2.0))
     @test length(solve_starts!(julia, 2).starts) == 2
     @test refused(() -> solve_starts!(julia, 1; threads = 2), :unsupported, "one thread")
-    phase(a) = Ocp(m, 1.0, 2; lagrange = (m[:u] - a)^2, n_fe = 1)
+    phase(a) = Ocp(m, 1.0, 2; lagrange = (m[:u] - a)^2, n_fe = 1, params = (a = 0.5, b = 2.0))
     first_, second = phase(1.0), phase(-1.0)
     set_initial_state!(first_, [0.0])
     both = MultiPhase([first_, second])

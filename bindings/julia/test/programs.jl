@@ -58,7 +58,8 @@ end
     r = minimize(x -> x'x, [1, 1, 1]; pairs = [(1, 2)], constraints = x -> (x[1] + x[2], x[1] + x[2], x[3]), n_constraints = 3,
                  constraint_bounds = ([3, 0, 0], [9, 1, 1]), constraint_names = ["demand", "supply", "other"], log_level = :warning,
                  on_log = (level, line) -> push!(lines, line))
-    @test r.outcome === :infeasible && !successful(r)
+    # what a function of Julia is elsewhere is not known, so nothing is proved
+    @test r.outcome === :locally_infeasible && !successful(r)
     weights = Dict(i.name => i.value for i in r.conflict.items)
     @test weights["demand"] ≈ -1 && weights["supply"] ≈ 1 && length(weights) == 2
     @test [i.index for i in r.conflict.items if i.name == "supply"] == [2] && all(i -> i.kind === :constraint, r.conflict.items)
