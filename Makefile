@@ -9,9 +9,10 @@
 # make header    write what is made of src/settings/options.toml, include/switchback.h, include/api.json, and from that what Python and Julia declare
 # make release-wheel  a wheel that needs nothing of the system, and a source distribution, into build/dist
 # make fuzz      try to break the library for FUZZ_SECONDS, from SEED on; see fuzz/README.md
+# make nightly   what takes too long for every commit: the shipped library in all tests, an hour of fuzzing, every fault, the site, the wheel
 # make docs      write docs/errors.md from the tables
 # make deps      install what is missing (Debian packages, SUNDIALS, Python modules)
-# make fuzz-faults  refuse every single request for memory of every scenario once; part of make fuzz
+# make fuzz-faults  refuse every single request for memory of every scenario once
 # make clean     remove build/, out/ and target/
 
 PREFIX ?= /usr/local
@@ -32,7 +33,7 @@ LIBRARY = $(TARGET)/$(PROFILE)
 HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml --target-dir $(TARGET)/header --
 
 .NOTPARALLEL:
-.PHONY: all build demo examples benchmarks site check quick install header docs deps clean fuzz \
+.PHONY: all build demo examples benchmarks site check quick nightly install header docs deps clean fuzz \
 	demo-report demo-c demo-python stage stage-examples \
 	check-format check-lint check-rust check-header check-stage check-c check-examples check-pkgconfig check-python \
 	check-julia check-hostile check-crate
@@ -61,7 +62,15 @@ FUZZ = $(MAKE) -C fuzz TARGET=$(TARGET)/fuzz BUILD=$(BUILD)/fuzz VENV=$(VENV) CA
 
 fuzz: deps
 	$(FUZZ) fuzz
+
+nightly: FUZZ_SECONDS ?= 3600
+nightly: SEED ?= $(shell date +%j)
+nightly:
+	$(MAKE) check PROFILE=release
+	$(MAKE) fuzz FUZZ_SECONDS=$(FUZZ_SECONDS) SEED=$(SEED)
 	$(MAKE) fuzz-faults
+	$(MAKE) site
+	$(MAKE) release-wheel
 
 clean:
 	rm -rf $(BUILD) $(OUT) $(TARGET)

@@ -1,6 +1,7 @@
 #include "cases.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <signal.h>
 #include <stdarg.h>
 #include <stdlib.h>
@@ -24,7 +25,7 @@ enum { COUNTERS = 24, INTERRUPT_AFTER = 4, HANG_AFTER = 240, CASES_OF_A_PROCESS 
 
 /* Shared with the process that runs the cases. */
 static struct shared {
-    volatile int64_t number; /* of the case that runs */
+    volatile int64_t number, place; /* of the case that runs */
     volatile double began;
     int64_t done, wrong;
     struct {
@@ -35,6 +36,7 @@ static struct shared {
 
 static const struct cases *all;
 static int64_t stride = 1, offset, only = -1;
+static double seconds; /* 0: no limit */
 
 static double now(void)
 {
@@ -97,19 +99,49 @@ static void start_timer(void)
     setitimer(ITIMER_PROF, &every, NULL);
 }
 
-/* In a process of its own: cases from `first` on. */
-static void run_cases(int64_t first, int64_t end)
+static int64_t divisor(int64_t a, int64_t b)
+{
+    return b == 0 ? a : divisor(b, a % b);
+}
+
+/* How far the next case is. With a limit of time all cases come, in an order that is spread evenly over their numbers wherever it ends:
+ * multiples of the golden section. */
+static int64_t distance(void)
+{
+    if (seconds <= 0.0)
+        return stride;
+    int64_t next = (int64_t)(0.6180339887498949 * (double)all->n) + 1;
+    while (divisor(next, all->n) != 1)
+        next++;
+    return next;
+}
+
+static int64_t count(void)
+{
+    return seconds > 0.0 ? all->n : (all->n - offset % stride + stride - 1) / stride;
+}
+
+/* Number of the case at a place in the order. */
+static int64_t case_at(int64_t place)
+{
+    int64_t first = seconds > 0.0 ? offset : offset % stride;
+    return (place * distance() + first) % all->n;
+}
+
+/* In a process of its own: cases from the place `first` on. */
+static void run_cases(int64_t first, int64_t end, double until)
 {
     start_timer();
-    for (int64_t k = first; k < end; k += stride) {
-        shared->number = k;
+    for (int64_t place = first; place < end && now() < until; place++) {
+        shared->place = place;
+        shared->number = case_at(place);
         shared->began = now();
-        all->run(k);
+        all->run(shared->number);
         shared->began = 0.0;
         shared->done++;
     }
     if (LEAKS())
-        cases_wrong("memory leaked in one of the cases %" PRId64 " to %" PRId64, first, end - 1);
+        cases_wrong("memory leaked in one of the cases before, back to %" PRId64, case_at(first));
     fflush(NULL);
     _exit(0);
 }
@@ -142,6 +174,8 @@ static void read_arguments(int n, char **arguments)
             offset = value;
         else if (strcmp(arguments[i], "--only") == 0)
             only = value;
+        else if (strcmp(arguments[i], "--seconds") == 0 && value > 0)
+            seconds = (double)value;
     }
 }
 
@@ -159,14 +193,17 @@ int cases_main(const struct cases *cases, int n, char **arguments)
         shared->began = now();
         return cases->run(only) || LEAKS();
     }
-    for (int64_t first = offset % stride; first < cases->n;) {
-        int64_t end = first + CASES_OF_A_PROCESS * stride;
+    double until = seconds > 0.0 ? began + seconds : HUGE_VAL;
+    int64_t places = count();
+    for (int64_t first = 0; first < places && now() < until;) {
+        int64_t end = first + CASES_OF_A_PROCESS;
         fflush(NULL);
         pid_t child = fork();
         if (child == 0)
-            run_cases(first, end < cases->n ? end : cases->n);
-        shared->number = first;
-        first = watch(child) ? shared->number + stride : end;
+            run_cases(first, end < places ? end : places, until);
+        shared->place = first;
+        shared->number = case_at(first);
+        first = watch(child) ? shared->place + 1 : end;
         shared->began = 0.0;
     }
     printf("%s: %" PRId64 " of %" PRId64 " cases in %.0f s, %" PRId64 " defects\n", cases->name, shared->done, cases->n, now() - began,

@@ -16,7 +16,8 @@ struct cases {
     void (*interrupt)(void);
 };
 
-/* Run all cases, or every n-th as the arguments say: [--stride N] [--seed OFFSET] [--only NUMBER]. Returns the exit code. */
+/* Run all cases, or every n-th as the arguments say: [--stride N] [--seed OFFSET] [--only NUMBER]; with [--seconds N] as many as the time
+ * allows, spread over all of them. Returns the exit code. */
 int cases_main(const struct cases *cases, int n, char **arguments);
 
 /* Report that something is wrong with the case that runs; returns 1. */

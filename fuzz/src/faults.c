@@ -1,7 +1,7 @@
 /* Functions of the user that fail at their n-th call, in every way, for all n (or every so many): the call ends with a
  * status, and the same object then solves to the same bits as one that nobody ever disturbed.
  *
- *   faults [--stride N] [--seed OFFSET] [--only NUMBER] */
+ *   faults [--stride N] [--seed OFFSET] [--seconds N] [--only NUMBER] */
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>

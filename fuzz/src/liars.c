@@ -1,6 +1,6 @@
 /* What others wrote: functions of CasADi that lie about themselves, libraries that are none, documents that are damaged.
  *
- *   liars [--stride N] [--seed OFFSET] [--only NUMBER]
+ *   liars [--stride N] [--seed OFFSET] [--seconds N] [--only NUMBER]
  *
  * $FUZZ_LIBRARY names a shared library with honest and with incomplete functions. */
 #include <stdio.h>

@@ -2,7 +2,7 @@
  * as numbers get, with everything that takes options. Always a status with a message, never an internal error; afterwards
  * the same object works with the settings it had.
  *
- *   matrix [--stride N] [--seed OFFSET] [--only NUMBER] */
+ *   matrix [--stride N] [--seed OFFSET] [--seconds N] [--only NUMBER] */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
