@@ -97,40 +97,25 @@ def costs(rows: dict[str, dict], what: str) -> list[float | None]:
 
 # --- the page -----------------------------------------------------------------------------------------
 
-RUNS = {False: "one run of it", True: "it, IPOPT's from an earlier run than ours"}
-PAGE = """# Programs with complementarity pairs
+PAGE = """# Programs with complementarity constraints
 
-Written by `bindings/python/benchmarks/mpcc_ablation.py`; every number and plot here comes out of {runs}. The data is
-in [data/mpcc-train.json](data/mpcc-train.json) and [data/mpcc-hard.json](data/mpcc-hard.json) (each problem) and
-[data/mpcc-ablation.json](data/mpcc-ablation.json) (each variant).
+| date | machine | command |
+|---|---|---|
+| {date} | one core, shared with one to three other processes | `bindings/python/benchmarks/mpcc_ablation.py`, `mpcc_train.py` |
 
-All tables are with the default of `portfolio`, `rescue`. With `agree` paths on which the objective weighs 8 and 32 times as much follow
-an answer until two agree, and branches next to the best one are tried. On 48 random problems of contact and equilibria of seed
-4000 (kinds disc, slider, blocks, impulses, gears, nested), beside IPOPT in the elastic mode, 40 of 42 objectives that both have
-are no worse by 1e-3 with it, at an iteration ratio of 0.26 (branches next to answers: 1.27 times the iterations, three better
-objectives, none worse).
+{count} problems `min f(x)` with bounds, rows and `0 <= G(x) _|_ H(x) >= 0` from NOSBENCH, MacMPEC, textbooks, and synthetic ones with known solutions;
+{hard_count} hard ones with impacts, contact manipulation and time-optimal driving. The collections have no licence and are not part of this repository;
+`mpcc_train.py` takes the folder where they are.
 
-{count} problems `min f(x)` subject to bounds, rows and `0 <= G(x) _|_ H(x) >= 0`: discretised control and simulation
-problems of nonsmooth systems from NOSBENCH, problems of MacMPEC, of textbooks, and synthetic ones with planted
-solutions; and {hard_count} hard ones: impacts, contact manipulation, time-optimal driving in Heaviside form. They are
-not part of this repository (the collections have no licence); `mpcc_train.py` takes the folder where they are.
+## Compared with IPOPT
 
-## Beside IPOPT
+IPOPT {ipopt} with MUMPS {mode}, for `sigma` = 1, 0.1, ..., with `{variant}` barrier update. Each solver has {limit:g} seconds for a problem; data:
+[data/mpcc-train.json](data/mpcc-train.json), [data/mpcc-hard.json](data/mpcc-hard.json).{note}
 
-IPOPT {ipopt} with MUMPS {mode}, for `sigma` = 1, 0.1, ..., each program solved to 1e-8 from the point before, until a
-solved program has products of at most 1e-7; barrier update `{variant}`, the better of the two tried (the settings of
-nosnoc). Both solvers call the same C functions on one core of the same machine; CPU seconds are those inside the
-solver, the best of up to {repeat} runs, and good to some ten per cent on a quiet machine; the time in functions is counted in a run of
-its own, as reading the clock takes as long as an iteration of a small program.{note} Each has {limit:g} seconds for a problem. Solved
-means: the solver says so, and the point, evaluated anew, violates nothing by more than 1e-6 and has no product above
-1e-7; or the solver recognises that there is no solution.
-
-Ratios are geometric means of IPOPT over ours where both solve; iterations are those of all programs of the homotopy,
-and ours contain the polish. `no worse` is the share of objectives within 1e-5 max(1, |f|) of IPOPT's, or below;
-IPOPT's is that of the branch its point is on, solved exactly. `relaxed` takes the objective of the relaxation, which
-can be below any complementary point. `solver` is the CPU ratio without the time in the C functions of the problems, and
-`functions` the share of that time in ours: it is the same work for both, so that it draws the ratio towards one. `identified`: the active set was found and the smooth problem solved; `exact`:
-max min(G, H) <= 1e-10.
+- Ratios are geometric means of IPOPT over the library where both solve; `solver` leaves out the time in functions, which is the share `functions`.
+- `no worse`: share of objectives within 1e-5 max(1, |f|) of IPOPT's on its exact branch, or below; `relaxed`: of IPOPT's relaxation.
+- `identified`: the active set was found and the smooth problem solved; `exact`: max min(G, H) <= 1e-10.
+- *Solved*: the solver says so, no violation is above 1e-6 and no product above 1e-7, or the solver recognises that there is no solution.
 
 ```
 {families}
@@ -150,12 +135,8 @@ max min(G, H) <= 1e-10.
 
 ## Random problems
 
-`mpcc_contacts.py FOLDER` and `mpcc_kinds.py FOLDER` write programs of contact, of hysteresis, of driving in the least time and of
-equilibria with parameters from a seed; `mpcc_train.py --problems FOLDER --set-of NAME --ipopt-mode linf --limit 30` (or `scholtes`)
-compares. These are of seed 3000, which nothing was chosen on; of `mpcc_kinds.py` nothing was chosen on any seed. For each mode of IPOPT:
-problems it solves and that both solve, those of the latter where ours is worse by more than 1e-3 max(1, |f|), and better by more; ratios
-are geometric means of IPOPT over ours where both solve. The table is of an earlier version, and of a build with little optimisation, which
-takes a sixth more CPU.
+Programs of seed 3000 of `mpcc_contacts.py` and `mpcc_kinds.py`, compared by `mpcc_train.py --problems FOLDER --ipopt-mode linf`; no constant had been
+chosen on this seed when the table was made. `worse` and `better` count objectives that differ by more than 1e-3 max(1, |f|) where both solve.
 
 ```
 {random}
@@ -165,21 +146,16 @@ takes a sixth more CPU.
 
 ## Certificates
 
-{certificates}
-
-What is said of the points was judged by `mpcc_judge.py --set-of train --json docs/benchmarks/data/mpcc-judge-train.json` and the same for
-`hard`: functions evaluated anew, and linear programs over all branches by HiGHS.
+{certificates} `mpcc_judge.py` checks the claims by functions evaluated anew and by linear programs over all branches (HiGHS).
 
 ```
 {judged}
 ```
 
-## Each part switched off
+## Options switched off
 
-The {count} problems with one option changed. Ratios are geometric means over what both this variant and the defaults
-solve: above 1, the variant needs more. `lost` and `gained` count problems solved by one of the two; `worse` and
-`better` objectives that differ by more than 1e-5 max(1, |f|); `IPOPT` is the share of objectives no worse than
-IPOPT's.
+The {count} problems with one option changed ([data/mpcc-ablation.json](data/mpcc-ablation.json)); ratios above 1 mean that the variant needs more.
+`worse` and `better` count objectives that differ by more than 1e-5 max(1, |f|), and `IPOPT` is the share of objectives no worse than IPOPT's.
 
 ```
 {variants}
@@ -189,11 +165,7 @@ IPOPT's.
 
 ## Growth along time
 
-Processor milliseconds of an iteration of programs that are banded along time, written by `mpcc_growth.py --json
-docs/benchmarks/data/mpcc-growth.json`: all, in functions, in linear algebra, elsewhere; factorisations and solutions of
-an iteration, steps of refinement of a solution, entries of the factor for each variable. `pendulum` has no pairs. A solve
-of it is seven iterations, so that what a call does once weighs most. All are processor time; how it is split is told by the
-clock on the wall, and this run shared its two cores with much other work, so that splits of totals below a millisecond mean little.
+Processor milliseconds of an iteration of programs that are banded along time, by `mpcc_growth.py`; `pendulum` has no pairs.
 
 ```
 {growth}
@@ -201,13 +173,17 @@ clock on the wall, and this run shared its two cores with much other work, so th
 
 {exponents}
 
-A mass with dry friction moved by ever more control stages, `friction_stages.py --json docs/benchmarks/data/mpcc-friction.json`: the homotopy from
-the guess alone, and the default search, which solves smoothed problems first, and the homotopy where several of them agree. {friction_exponents}
+A mass with dry friction moved by more and more control stages, by `friction_stages.py`: the homotopy from the guess alone, and the default search.
 
 ```
 {friction}
 ```
+
+{friction_exponents}
 """
+
+#: Sections of the page behind this line are written by hand, and stay.
+BY_HAND = "<!-- by hand -->"
 
 MODE_WORDS = {
     "scholtes": "solves the relaxations `G H <= sigma` of Scholtes",
@@ -220,7 +196,7 @@ def filled(**values: Any) -> str:
     blocks = []
     for block in PAGE.split("\n\n"):
         text = block.format(**values)
-        if block[0] not in "#`!{" or block.startswith("{count}"):
+        if block[0] not in "#`!{|-" or block.startswith(("{count}", "{certificates}")):
             text = textwrap.fill(text, 118, break_long_words=False, break_on_hyphens=False)
         blocks.append(text.rstrip("\n"))
     return "\n\n".join(blocks) + "\n"
@@ -253,19 +229,19 @@ def lists(record: dict) -> str:
         names = ", ".join(f"`{n}`" for n in s[key]) or "none"
         lines.append(f"- {words} ({len(s[key])}): {names}.")
     known = ", ".join(f"{kind} {len(names)}" for kind, names in s["known"].items() if names)
-    lines.append(f"- Against known answers: {known or 'none are known'}.")
+    lines.append(f"- Compared with known solutions: {known or 'none are known'}.")
     return "\n".join(lines)
 
 
 def certificates(rows: list[dict]) -> str:
-    """What is said of the answers, as a sentence."""
+    """The types of stationarity of the solutions, as a sentence."""
     answers = [r["ours"] for r in rows if r["ours"]["solved"] and r["ours"]["outcome"] == "solved"]
     types: dict[str, int] = {}
     for a in answers:
         label = f"{a['stationarity']}, {'B' if a['b_stationary'] else 'B not shown'}"
         types[label] = types.get(label, 0) + 1
     listed = ", ".join(f"{label}: {n}" for label, n in sorted(types.items()))
-    return f"Of {len(answers)} answers of both sets, by their type of stationarity: {listed}."
+    return f"Types of stationarity of {len(answers)} solutions of both sets: {listed}."
 
 
 def kind(name: str) -> str:
@@ -314,9 +290,8 @@ def random_table(out: Path) -> tuple[str, str]:
     ]  # fmt: skip
     anybody = sum(any(r[by]["solved"] for by in ("ours", *mpcc_ipopt.MODES)) for r in problems.values())
     words = (
-        f"Of {anybody} that anybody solves ours solves {sum(r['ours']['solved'] for r in problems.values())}. Said to be "
-        f"infeasible, which in these programs means as far as can be told from two starts, and solved by IPOPT: "
-        f"{', '.join(f'`{name}`' for name in refuted) or 'none'}."
+        f"Of {anybody} programs that a solver solves the library solves {sum(r['ours']['solved'] for r in problems.values())}. "
+        f"Called infeasible, and solved by IPOPT: {', '.join(f'`{name}`' for name in refuted) or 'none'}."
     )
     return "\n".join(lines), words
 
@@ -379,8 +354,8 @@ def growth(out: Path) -> tuple[str, str]:
     for name in dict.fromkeys(r["problem"] for r in rows):
         own = [r for r in rows if r["problem"] == name]
         keys = {"all": "ms", "functions": "ms_functions", "linear algebra": "ms_linear_algebra", "elsewhere": "ms_other"}
-        words.append(f"{name} " + ", ".join(f"{k} {mpcc_growth.exponent(own, v):.2f}" for k, v in keys.items()))
-    sentence = "Exponents of the number of variables, by least squares in logarithms: " + "; ".join(words) + "."
+        words.append(f"{name}: " + ", ".join(f"{k} {mpcc_growth.exponent(own, v):.2f}" for k, v in keys.items()))
+    sentence = "Exponents of the number of variables are by least squares in logarithms. " + " ".join(f"{w.capitalize()}." for w in words)
     return mpcc_growth.table(rows), sentence
 
 
@@ -402,14 +377,17 @@ def write_page(out: Path) -> None:
     curves = {"defaults": costs(default, "iterations")}
     curves |= {label: costs(v["results"], "iterations") for label, v in ablation.items()}
     mpcc_profile.write(out / "mpcc-ablation.svg", "Each part switched off", "iterations", curves)
-    (out / "mpcc.md").write_text(
+    page = out / "mpcc.md"
+    by_hand = page.read_text().partition(BY_HAND)[2] if page.exists() else "\n"
+    page.write_text(
         filled(
-            runs=RUNS[run["ipopt_cached"]], count=len(rows), ipopt=run["ipopt"], variant=run["ipopt_variant"],
-            repeat=run["repeat"], note=f" {run['note']}" if run.get("note") else "", mode=MODE_WORDS[run["ipopt_mode"]], limit=run["limit"], hard_count=len(hard["problems"]),
+            date=run["date"], count=len(rows), ipopt=run["ipopt"], variant=run["ipopt_variant"],
+            note=f" {run['note']}" if run.get("note") else "", mode=MODE_WORDS[run["ipopt_mode"]], limit=run["limit"], hard_count=len(hard["problems"]),
             hard_families=family_table(hard), hard_lists=lists(hard), certificates=certificates(rows + hard["problems"]),
             random=random_table(out)[0], random_words=random_table(out)[1], judged=judged(out), friction=friction(out), friction_exponents=friction_exponents(out), families=family_table(record), lists=lists(record), growth=growth(out)[0], exponents=growth(out)[1],
             variants=variant_table({k: v["figures"] for k, v in ablation.items()}, record["summary"]),
         )
+        + f"\n{BY_HAND}{by_hand}"
     )  # fmt: skip
 
 

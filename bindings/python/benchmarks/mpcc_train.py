@@ -29,6 +29,7 @@ pair is zero is solved from there, by IPOPT again and not counted in its time. O
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
 import math
 import multiprocessing
@@ -297,7 +298,7 @@ def description(arguments: argparse.Namespace, peer: dict[str, dict], options: d
         "ipopt_mode": arguments.ipopt_mode, "set_of": arguments.set_of, "options": options,
         "ipopt_cached": any(r.get("cached", False) for r in peer.values()),
         "members": arguments.members, "move_start": arguments.move_start, "limit": arguments.limit,
-        "repeat": arguments.repeat,
+        "repeat": arguments.repeat, "date": datetime.date.today().isoformat(),
     }  # fmt: skip
 
 

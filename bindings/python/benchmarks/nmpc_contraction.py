@@ -15,6 +15,7 @@ horizon, z̄(x) the solution for an initial state x, errors are Euclidean. Three
 from __future__ import annotations
 
 import argparse
+import datetime
 from pathlib import Path
 
 import numpy as np
@@ -219,59 +220,59 @@ def main():
             slope = np.polyfit(np.log(sizes), np.log(e), 1)[0]
             parts["tangent"].append(f"{name:9} {level.upper():3} {slope:6.2f}   " + " ".join(f"{v:8.1e}" for v in e))
             print(parts["tangent"][-1], flush=True)
-    args.out.write_text(PAGE.format(**{k: "\n".join(v) for k, v in parts.items()}))
+    args.out.write_text(PAGE.format(date=datetime.date.today().isoformat(), **{k: "\n".join(v) for k, v in parts.items()}))
 
 
 PAGE = """# Contraction of multi-level iterations and advanced steps
 
-Written by `bindings/python/benchmarks/nmpc_contraction.py`; every number here comes out of one run of it. The problems are those of
-[nmpc.md](nmpc.md), near their references. Errors are Euclidean distances of the states and controls of the horizon from those of the solution for
-the state in question. Equations and sections are those of A. Nurkanović's thesis.
+| date | machine | command |
+|---|---|---|
+| {date} | any: errors, no times | `bindings/python/benchmarks/nmpc_contraction.py` |
+
+The problems are those of [closed loops](nmpc.md), near their references. Errors are Euclidean distances of states and controls of the horizon from the
+solution for the same state. Equations and sections are those of A. Nurkanović's thesis.
 
 ## Iterations for one state
 
-The state jumps, and iterations of one level follow without another linearisation than theirs (levels B and C keep the matrices of
-the solution before). κ and ω/2 are such that (10.18), `|e_next| <= (κ + ω/2 |e|) |e|`, holds in nine such runs, from three states in
-three directions; the errors are those of one run. Errors of level B are distances from the point where it ends, which is feasible and not
-optimal.
+The state jumps, and iterations of one level follow; levels B and C keep the matrices of the solution before. κ and ω/2 are such that (10.18),
+`|e_next| <= (κ + ω/2 |e|) |e|`, holds in nine runs from three states in three directions. Errors are those of one run; those of level B are
+distances from the feasible point where it ends.
 
 ```
 problem   level      κ     ω/2    errors before and after iterations 1 to 7
 {fixed}
 ```
 
-C contracts as D0 does, at a fraction of the cost. D2 converges at the second order with the pendulum; with the chain its Hessians have to be
-made convex node by node, which makes it linear like the others. D1 begins with a Hessian that knows nothing.
+C contracts as D0 does, at a fraction of the cost. D2 converges at the second order with the pendulum, and linearly with the chain, where its
+Hessians are made convex node by node.
 
 ## Advanced steps
 
-Loops of advanced steps with 0 (RTI) to 3 inner iterations of every level, with samples of four lengths on the same grid of the horizon (no
-shift; the plant is pushed by up to the jump of above in a unit of time). In every pair: the largest error along the loop, and the largest
-bound (10.24) with κ and ω/2 of the table above, the largest γ of (10.17) along the loop, and the sizes that were measured; an
-exclamation mark where an error was larger than its bound at some sample: with long samples these loops come to places where iterations
-contract less than where κ was measured. For inner iterations of A and B there is no bound: they do not end at the solution.
+Loops of advanced steps with 0 (RTI) to 3 inner iterations of every level, with samples of four lengths on the same grid of the horizon. A pair is the
+largest error along the loop and the largest bound (10.24), with κ and ω/2 of the table above and the largest γ of (10.17) along the loop.
+An exclamation mark says that an error was larger than its bound at some sample, where iterations contract less than where κ was measured.
+Iterations of A and B have no bound, because they do not end at the solution.
 
 ```
 {loops}
 ```
 
-Errors fall with the length of the samples and with inner iterations until what is left is the distance of the state from its prediction
-(the last term of (10.24)).
+Errors fall with the length of the samples and with inner iterations, down to the last term of (10.24): the distance of the state from its
+prediction.
 
 ## The tangential predictor
 
-The feedback of a controller that has solved the problem for one state, to states at a distance of 0.2 to 0.0125 of the jump: errors of
-the controls of the horizon, and the slope that is fitted to them. With the exact Hessian (D2, pendulum) the program is the derivative of the
-solution (section 10.2), and errors are of second order; with that of Gauss and Newton, or one that was made convex (D2, chain), a share κ
-of the step is wrong.
+A controller has solved the problem for one state; the table has errors of its feedback to states at a distance of 0.2 to 0.0125 of the jump, and the
+slope that is fitted to them. With the exact Hessian (D2, pendulum) errors are of second order, because the program is the derivative of the solution
+(section 10.2). With the Hessian of Gauss and Newton, or one that was made convex (D2, chain), a share κ of the step is wrong.
 
 ```
 problem   level slope  errors
 {tangent}
 ```
 
-Proposition 10.1, that a level-A iteration with a perfect prediction leads to the linearisation points of the RTI scheme, holds to 1e-12
-(`cargo test --test nmpc level_a`), and adding the corrector of an inner iteration twice makes an error that the same test finds.
+By Proposition 10.1 a level-A iteration with a perfect prediction leads to the linearisation points of the RTI scheme. It holds to 1e-12
+(`cargo test --test nmpc level_a`).
 """
 
 

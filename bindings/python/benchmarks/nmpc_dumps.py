@@ -13,6 +13,7 @@ largest control; times are those of the calls as CasADi makes them (HPIPM, DAQP 
 from __future__ import annotations
 
 import argparse
+import datetime
 import time
 from pathlib import Path
 
@@ -152,24 +153,26 @@ def run(name, repeat):
     return lines
 
 
-PAGE = """# Quadratic programs of real-time control beside HPIPM, DAQP and qpOASES
+PAGE = """# Quadratic programs of control compared with HPIPM, DAQP and qpOASES
 
-Written by `bindings/python/benchmarks/nmpc_dumps.py`; every number here comes out of one run of it. The programs are those of the closed loops of
-[nmpc.md](nmpc.md) under the RTI scheme, one for every sample, written down apart from the controller with derivatives of CasADi. The
-others are those of CasADi's wheel, on the stages (HPIPM) and on the program in the controls (DAQP, qpOASES; eliminating the states is not in
-their times). Differences are those of the controls of the horizon, relative to the largest control.
+| date | machine | command |
+|---|---|---|
+| {date} | one core of a shared machine | `bindings/python/benchmarks/nmpc_dumps.py` |
+
+The programs are those of [closed loops](nmpc.md) under the RTI scheme, one for every sample, with derivatives of CasADi. HPIPM of CasADi's wheel has the
+stages; DAQP and qpOASES have the program in the controls, without the time of eliminating the states. Differences are those of the controls of the
+horizon, relative to the largest control.
 
 ```
 {table}
 ```
 
-The answers of HPIPM are those of residuals of 1e-13, its times those with its default of 1e-8. Eliminating the states of a pendulum that stands
-upright over two seconds spoils the condensed program: DAQP and qpOASES solve it to 1e-5 of the control and worse, whatever their
-tolerances. The factors of ours are those of the controlled system and do not suffer from that.
+HPIPM has residuals of 1e-13 for the differences and its default of 1e-8 for the times. The condensed program of the upright pendulum is badly
+conditioned over two seconds: DAQP and qpOASES solve it to 1e-5 of the control and worse, at any tolerance. The library condenses the controlled system,
+which is stable.
 
-Their times are those of calls through CasADi, which copies data and begins without a guess of the active set; ours are those of a feedback, whose
-factors were made in the preparation, and of a preparation with everything it does, the linearisation too. Times say what a sample costs
-in either way, not which method is faster on the same work.
+Calls through CasADi copy data and begin without an active set. A feedback of the library uses factors of its preparation, and a preparation includes
+the linearisation. The times are those of a sample, and do not compare the methods on the same work.
 """
 
 
@@ -179,7 +182,7 @@ def main():
     parser.add_argument("--repeat", type=int, default=3)
     args = parser.parse_args()
     table = [line for name in ("pendulum", "chain3", "chain6") for line in run(name, args.repeat)]
-    args.out.write_text(PAGE.format(table="\n".join(table)))
+    args.out.write_text(PAGE.format(date=datetime.date.today().isoformat(), table="\n".join(table)))
 
 
 if __name__ == "__main__":

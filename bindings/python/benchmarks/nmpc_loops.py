@@ -13,6 +13,7 @@ Ours are the seconds that `prepare` and `feedback` measure themselves.
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
 import re
 import sys
@@ -230,30 +231,30 @@ def main():
     (args.out / "data").mkdir(exist_ok=True)
     clean = [{k: (None if isinstance(v, float) and not np.isfinite(v) else v) for k, v in r.items()} for r in records]
     (args.out / "data" / "nmpc.json").write_text(json.dumps({"loops": clean}, indent=1) + "\n")
-    text = PAGE.format(table="\n".join(table))
+    text = PAGE.format(date=datetime.date.today().isoformat(), table="\n".join(table))
     (args.out / "nmpc.md").write_text(text)
 
 
 PAGE = """# Model predictive control in closed loop
 
-Written by `bindings/python/benchmarks/nmpc_loops.py`; every number here comes out of one run of it. The data is in
-[data/nmpc.json](data/nmpc.json).
+| date | machine | command |
+|---|---|---|
+| {date} | one core of a shared machine | `bindings/python/benchmarks/nmpc_loops.py` |
 
-Costs of closed loops are functions of the scheme: whoever implements the same one gets the same digits. `known` are those of another
-implementation (acados, code generated for every problem, DAQP on the condensed program), with as many digits as it gives.
+Two implementations of a scheme have the same cost of the closed loop; `known` is the cost of acados (code generated for every problem, DAQP
+on the condensed program). Times are microseconds, good to some ten per cent; the data is in [data/nmpc.json](data/nmpc.json).
 
-Times are microseconds on one core, for every sample the shortest of some loops, then the mean over the samples; `worst` is the longest
-feedback among them. The machine was shared; times are good to some ten per cent. No times of other implementations stand here: none was
-measured in the same run.
+- `prepare`, `feedback`: for every sample the shortest of some loops, then the mean over the samples; `worst`: the longest feedback among them.
+- `adaptive`: at most four inner iterations, until a step is below a hundredth of the size of states and controls.
+- `ideal`: every problem is solved with the state that will be measured.
 
 ```
 {table}
 ```
 
-The pendulum has 4 states, the chains 21 and 39, the diesel generator 17 and, as `dae`, 18 algebraic ones besides; horizons have 40 stages
-and those of the generator as many as its name says. The plain MLI controllers keep the matrices of their first linearisation, which
-the swing-up of the pendulum leaves far behind. `adaptive` makes inner iterations of level C until the estimated contraction leaves
-less than a hundredth of the size of states and controls, at most four; `ideal` solves every problem with the state that will be measured.
+The pendulum has 4 states, the chains have 21 and 39, and the diesel generator has 17 with 18 algebraic ones as `dae`. Horizons have 40 stages, and
+those of the generator as many as its name says. The matrices of plain MLI controllers are those of the first linearisation, and the swing-up
+of the pendulum goes far beyond where they are valid.
 """
 
 
