@@ -1,6 +1,6 @@
 """usage: site.py FOLDER    write the documentation as web pages into FOLDER/site, with MkDocs, without a network
 
-Pages are docs/*.md, the READMEs, a gallery of the examples with pictures and code, and references of the interfaces (site_references.py; that of
+Pages are those of docs but the log, the READMEs, a gallery of the examples with pictures and code, and references of the interfaces (site_references.py; that of
 Rust is what `cargo doc` writes). Links to files that are no pages become plain text. Exits with 1 where a link of a page leads nowhere.
 """
 
@@ -22,32 +22,36 @@ from site_references import c_reference, cpp_reference, julia_reference, python_
 PAGES = {
     "README.md": "index.md",
     "bindings/python/README.md": "python.md",
-    "ARCHITECTURE.md": "architecture.md",
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
     "fuzz/README.md": "fuzz.md",
     **{f"docs/{p.name}": p.name for p in sorted((ROOT / "docs").glob("*.md"))},
-    **{f"docs/benchmarks/{p.name}": f"benchmarks/{p.name}" for p in sorted((ROOT / "docs" / "benchmarks").glob("*.md"))},
+    **{
+        f"docs/{folder}/{p.name}": f"{folder}/{p.name}"
+        for folder in ("benchmarks", "dev", "dev/algorithms")
+        for p in sorted((ROOT / "docs" / folder).glob("*.md"))
+    },
 }
 
 NAVIGATION = """
   - Start: index.md
-  - First hour: tutorial.md
-  - Ideas:
-      - Which model class is my system: model_classes.md
-      - Finite elements with switch detection: fesd.md
-      - Glossary: glossary.md
-      - Coming from other packages: coming_from.md
-  - Guides:
-      - Models as expressions: models.md
-      - Simulation: simulation.md
-      - Scenes with contacts: scenes.md
-      - Time-freezing: freezing.md
-      - Optimal control: ocp.md
-      - Model predictive control: nmpc.md
-      - Programs with complementarity constraints: mpcc.md
-  - Gallery: gallery.md
-  - Languages:
+  - Overview: README.md
+  - Tutorial:
+      - First hour: tutorial.md
+      - Gallery: gallery.md
+  - How to:
+      - State a model: models.md
+      - Simulate: simulation.md
+      - Model mechanics with contacts: scenes.md
+      - Solve optimal control problems: ocp.md
+      - Control in real time: nmpc.md
+      - Solve programs with complementarity constraints: mpcc.md
+      - Use time-freezing: freezing.md
+      - Come from other packages: coming_from.md
+  - Reference:
+      - Solutions of optimal control: ocp_results.md
+      - Options: options.md
+      - Errors: errors.md
       - Python: python.md
       - Reference of Python: api_python.md
       - Reference of C: api_c.md
@@ -55,8 +59,15 @@ NAVIGATION = """
       - Julia: julia.md
       - Reference of Julia: api_julia.md
       - Rust: rust.md
-  - Options: options.md
-  - Errors: errors.md
+      - Glossary: glossary.md
+  - Explanation:
+      - Which model class is my system: model_classes.md
+      - Event-driven simulation: simulation_method.md
+      - Finite elements with switch detection: fesd.md
+      - Search for optimal controls: ocp_search.md
+      - Contacts in optimal control: contact_search.md
+      - Methods for complementarity constraints: mpcc_method.md
+      - Real-time iterations: nmpc_method.md
   - Benchmarks:
       - Overview: benchmarks/README.md
       - Simulation: benchmarks/simulation.md
@@ -67,9 +78,25 @@ NAVIGATION = """
       - Quadratic programs of control: benchmarks/nmpc_qp.md
       - Linear algebra: benchmarks/linalg.md
       - Evaluation of models: benchmarks/model-eval.md
-      - What Python adds: benchmarks/python.md
-  - Project:
-      - Architecture: architecture.md
+      - Calls from Python: benchmarks/python.md
+  - For maintainers:
+      - Overview: dev/README.md
+      - Architecture: dev/architecture.md
+      - Modes from expressions: dev/algorithms/models.md
+      - Event-driven simulation: dev/algorithms/events.md
+      - Accumulating switches: dev/algorithms/accumulation.md
+      - Contacts: dev/algorithms/contacts.md
+      - Time stepping: dev/algorithms/time_stepping.md
+      - Time-freezing: dev/algorithms/time_freezing.md
+      - Finite elements: dev/algorithms/fesd.md
+      - Interior point: dev/algorithms/interior_point.md
+      - Complementarity constraints: dev/algorithms/mpcc.md
+      - Mode sequences: dev/algorithms/mode_search.md
+      - Transitions: dev/algorithms/transitions.md
+      - Contacts in optimal control: dev/algorithms/contact_search.md
+      - Verdict and descent: dev/algorithms/verdict.md
+      - Real-time control: dev/algorithms/nmpc.md
+      - Memory: dev/algorithms/memory.md
       - Contributing: contributing.md
       - Changes: changelog.md
       - Fuzzing: fuzz.md

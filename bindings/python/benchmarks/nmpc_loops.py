@@ -245,7 +245,7 @@ Two implementations of a scheme have the same cost of the closed loop; `known` i
 on the condensed program). Times are microseconds, good to some ten per cent; the data is in [data/nmpc.json](data/nmpc.json).
 
 - `prepare`, `feedback`: for every sample the shortest of some loops, then the mean over the samples; `worst`: the longest feedback among them.
-- `adaptive`: at most four inner iterations, until a step is below a hundredth of the size of states and controls.
+- `adaptive`: at most four inner iterations, until the estimated contraction leaves less than a hundredth of states and controls.
 - `ideal`: every problem is solved with the state that will be measured.
 
 ```
