@@ -4,7 +4,7 @@
 //! - Smooth modes: explicit pairs of Dormand and Prince, order 5 and 8, or Radau IIA of order 5 where they are stiff.
 //! - Sliding modes: the weights follow from a linear system of the surfaces that slide, in blocks that do not touch; the
 //!   field that they leave is integrated by the explicit pairs, and the end of every step is put onto the surfaces. Where it
-//!   is stiff, and where derivatives are asked for, Radau IIA with the surfaces as constraints at every stage.
+//!   is stiff, Radau IIA with the surfaces as constraints at every stage.
 //! - Switches: the indicators and the weights of the active modes are followed on the dense output; sign changes are
 //!   found from Bernstein coefficients, also two in one step; the step is then repeated with the length that puts the
 //!   switch at its end.
