@@ -159,6 +159,7 @@ check-format:
 	$(CARGO) fmt --check --manifest-path tools/header/Cargo.toml
 
 check-lint:
+	$(PYTHON) scripts/prose.py
 	$(CARGO) clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --quiet --no-deps --lib
 

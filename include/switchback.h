@@ -202,7 +202,7 @@ enum swb_dcs_form
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Subsystem by subsystem: Stewart's, unless the Heaviside form has fewer pairs and no more variables, or controls alone decide some of its switching functions and not the others.
+     * Chosen for each subsystem. Stewart's form, unless the Heaviside form has fewer pairs and no more variables, or controls alone decide some of its switching functions and not the others.
      */
     SWB_DCS_FORM_AUTO = 0,
     /**
@@ -334,15 +334,15 @@ enum swb_step_equilibration
      */
     SWB_STEP_EQUILIBRATION_ETA_PRODUCT = 3,
     /**
-     * The same with the square of the indicator.
+     * Difference of neighbouring step sizes weighted by the square of the switch indicator eta.
      */
     SWB_STEP_EQUILIBRATION_ETA_SQUARED = 4,
     /**
-     * Products of indicator and difference equal to zero.
+     * Products of switch indicator and difference of step sizes equal to zero.
      */
     SWB_STEP_EQUILIBRATION_ETA_EQUATION = 5,
     /**
-     * As eta_product with the hyperbolic tangent of the indicator: its size counts only where it is small.
+     * Difference of neighbouring step sizes weighted by the hyperbolic tangent of the switch indicator eta, whose size then counts only where it is small.
      */
     SWB_STEP_EQUILIBRATION_ETA_SATURATED = 6,
 };
@@ -388,7 +388,7 @@ enum swb_initial_guess
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * The initial value at every node.
+     * Initial value of the states at every node.
      */
     SWB_INITIAL_GUESS_CONSTANT = 0,
     /**
@@ -413,7 +413,7 @@ typedef int64_t swb_initial_guess;
 #endif // __cplusplus
 
 /**
- * Where optimal control problems start from (option ocp_start).
+ * Search for the solution of an optimal control problem (option ocp_start).
  */
 enum swb_ocp_start
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -421,7 +421,7 @@ enum swb_ocp_start
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Smoothed problems lead to mode sequences, several of which are solved; where these do not agree on an answer that is certified, or constraints on the way are not linear, the homotopy from the guess is followed too. The cheapest answer is kept.
+     * Smoothed problems lead to mode sequences, several of which are solved. The homotopy from the guess follows where these do not agree on a certified solution, or constraints on the way are not linear. The cheapest solution is kept.
      */
     SWB_OCP_START_PORTFOLIO = 0,
     /**
@@ -429,7 +429,7 @@ enum swb_ocp_start
      */
     SWB_OCP_START_HOMOTOPY = 1,
     /**
-     * Smoothed problems alone; the homotopy only where they lead to no answer.
+     * Smoothed problems alone; the homotopy only where they lead to no solution.
      */
     SWB_OCP_START_SMOOTHING = 2,
 };
@@ -442,7 +442,7 @@ typedef int64_t swb_ocp_start;
 #endif // __cplusplus
 
 /**
- * Which strategies solve a program with complementarity constraints (option portfolio).
+ * Strategies for a program with complementarity constraints (option portfolio).
  */
 enum swb_portfolio
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -450,11 +450,11 @@ enum swb_portfolio
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * The path that the other options describe alone.
+     * Only the homotopy that the other options describe.
      */
     SWB_PORTFOLIO_OFF = 0,
     /**
-     * Where that path ends without a solution the other strategies follow, until one has a solution.
+     * The homotopy, and where it ends without a solution other strategies, until one has a solution.
      */
     SWB_PORTFOLIO_RESCUE = 1,
     /**
@@ -462,7 +462,7 @@ enum swb_portfolio
      */
     SWB_PORTFOLIO_ALL = 2,
     /**
-     * As rescue; and paths on which the objective weighs more and more follow a solution until two have the same objective, and branches next to the best one are tried. The best answer is kept.
+     * The strategies of rescue, then homotopies with heavier objectives until two have the same objective, then branches next to the best solution. The best solution is kept.
      */
     SWB_PORTFOLIO_AGREE = 3,
 };
@@ -483,7 +483,7 @@ enum swb_linear_solver
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * By the fill of the factors: columns where they are sparse, dense blocks where they are not.
+     * Chosen by the fill of the factors: columns where they are sparse, dense blocks where they are not.
      */
     SWB_LINEAR_SOLVER_AUTO = 0,
     /**
@@ -529,7 +529,7 @@ typedef int64_t swb_ordering;
 #endif // __cplusplus
 
 /**
- * What a simulation is differentiated by (option sensitivity).
+ * Inputs with respect to which a simulation is differentiated (option sensitivity).
  */
 enum swb_sensitivity
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -545,7 +545,7 @@ enum swb_sensitivity
      */
     SWB_SENSITIVITY_ON = 1,
     /**
-     * Parameters and controls: of many states most columns are those of initial states.
+     * Parameters and controls, without initial states.
      */
     SWB_SENSITIVITY_INPUTS = 2,
 };
@@ -566,11 +566,11 @@ enum swb_toggle
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Without it.
+     * The ingredient is left out.
      */
     SWB_TOGGLE_OFF = 0,
     /**
-     * With it.
+     * The ingredient is used.
      */
     SWB_TOGGLE_ON = 1,
 };
@@ -583,7 +583,7 @@ typedef int64_t swb_toggle;
 #endif // __cplusplus
 
 /**
- * What stands for the complementarity constraints until the active set is identified (option relaxation).
+ * Relaxation or penalty in the place of the complementarity constraints until the active set is identified (option relaxation).
  */
 enum swb_relaxation
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -672,7 +672,7 @@ typedef int64_t swb_relaxation;
 #endif // __cplusplus
 
 /**
- * How relaxation or penalty and barrier parameter change together (option homotopy).
+ * Changes of relaxation or penalty and barrier parameter (option homotopy).
  */
 enum swb_homotopy
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -680,11 +680,11 @@ enum swb_homotopy
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Together, every problem solved loosely.
+     * Relaxation and barrier parameter fall together, and every problem is solved loosely.
      */
     SWB_HOMOTOPY_COUPLED = 0,
     /**
-     * Every problem solved to the tolerance, from a larger barrier parameter again.
+     * Every problem is solved to the tolerance, from a larger barrier parameter again.
      */
     SWB_HOMOTOPY_OUTER = 1,
 };
@@ -730,7 +730,7 @@ typedef int64_t swb_integration;
 #endif // __cplusplus
 
 /**
- * What an event-driven simulation does where switches accumulate (option zeno).
+ * Continuation of an event-driven simulation where switches accumulate (option zeno).
  */
 enum swb_zeno_policy
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -738,15 +738,15 @@ enum swb_zeno_policy
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose indicators have no rate either; else by steps with a stated error. Derivatives do not follow at a mode of order two: they are NaN behind it.
+     * Go on in the sliding mode on the surfaces where the switches accumulate, also in one of order two, whose indicators have no rate either. Without such a mode go on by steps with a stated error. Derivatives are NaN behind a mode of order two.
      */
     SWB_ZENO_POLICY_CONTINUE = 0,
     /**
-     * Stop.
+     * End the run with the outcome zeno.
      */
     SWB_ZENO_POLICY_STOP = 1,
     /**
-     * Go through it by steps of a method that needs no switches; where a sliding mode begins there, this finds it too. Slower and less accurate than continue, but it needs no limit set. Derivatives do not follow: they are NaN behind it.
+     * Pass the accumulation by steps of a method that needs no switches, which also finds a sliding mode that begins there. Slower and less accurate than continue. Derivatives are NaN behind it.
      */
     SWB_ZENO_POLICY_TIME_STEPPING = 2,
 };
@@ -759,7 +759,7 @@ typedef int64_t swb_zeno_policy;
 #endif // __cplusplus
 
 /**
- * What an event-driven simulation does where the continuation is not unique (option ambiguity).
+ * Continuation of an event-driven simulation where it is not unique (option ambiguity).
  */
 enum swb_ambiguity_policy
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -767,15 +767,15 @@ enum swb_ambiguity_policy
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * The present active set if it may continue, else the fewest active cells, else the lowest indices.
+     * Keep the present active set if it may continue, else take the fewest active cells, else the lowest indices.
      */
     SWB_AMBIGUITY_POLICY_FIRST = 0,
     /**
-     * Stop.
+     * End the run with the outcome ambiguous.
      */
     SWB_AMBIGUITY_POLICY_STOP = 1,
     /**
-     * The one whose active modes come first in the list of preferred modes; among equals as first.
+     * Take the continuation whose active modes come first in the list of preferred modes; among equals as first.
      */
     SWB_AMBIGUITY_POLICY_PREFER = 2,
 };
@@ -788,7 +788,7 @@ typedef int64_t swb_ambiguity_policy;
 #endif // __cplusplus
 
 /**
- * Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply (option selection).
+ * Velocity of a sliding mode where surfaces meet and their effects multiply (option selection).
  */
 enum swb_selection
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -796,19 +796,19 @@ enum swb_selection
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * The one in which every surface has a weight and those of modes are their products: what independent smoothings of the surfaces lead to.
+     * Every surface has a weight, and weights of modes are their products, as independent smoothings of the surfaces lead to.
      */
     SWB_SELECTION_BILINEAR = 0,
     /**
-     * The one of the moments method, of two surfaces: modes are balanced by the norms of their rates. Where more surfaces meet the simulation stops.
+     * Moments method for two surfaces: modes are balanced by the norms of their rates. Where more surfaces meet the simulation stops.
      */
     SWB_SELECTION_MOMENTS = 1,
     /**
-     * The one whose weights have the least Euclidean norm, as long as none of them vanishes.
+     * Weights of the least Euclidean norm, as long as none of them vanishes.
      */
     SWB_SELECTION_NORM = 2,
     /**
-     * One with the fewest active cells that keep the surfaces, an extreme one.
+     * Fewest active cells that keep the surfaces: an extreme velocity.
      */
     SWB_SELECTION_FEWEST = 3,
 };
@@ -837,7 +837,7 @@ enum swb_log_level
      */
     SWB_LOG_LEVEL_ERROR = 1,
     /**
-     * Results that deserve a second look.
+     * Results that need attention.
      */
     SWB_LOG_LEVEL_WARNING = 2,
     /**
@@ -2222,7 +2222,7 @@ typedef struct swb_settings {
      */
     int64_t max_iter;
     /**
-     * Limit on the wall time of one solve, in seconds, with everything it does: guesses, certificate, comparison, further rounds. It ends at most one factorisation or 16 model evaluations later, with what was found before; a model function that takes long itself is waited for.
+     * Limit on the wall time of one solve in seconds, with guesses, certificate, comparison and further rounds. The solve ends at most one factorisation or 16 model evaluations later, and returns the best point so far. A model function that runs is not interrupted.
      */
     double max_time;
     /**
@@ -2246,7 +2246,7 @@ typedef struct swb_settings {
      */
     double sigma_exponent;
     /**
-     * Barrier parameter that belongs to a relaxation, as a multiple of it.
+     * Barrier parameter of a relaxed problem as a multiple of its relaxation.
      */
     double mu_over_sigma;
     /**
@@ -2266,7 +2266,7 @@ typedef struct swb_settings {
      */
     double polish_tol;
     /**
-     * Where a solve starts if no guess is given (enum initial_guess).
+     * Initial guess of a solve without a guess of the states (enum initial_guess).
      */
     int64_t initial_guess;
     /**
@@ -2286,7 +2286,7 @@ typedef struct swb_settings {
      */
     int64_t scaling;
     /**
-     * Start the pairs of a program on the central path, wherever the starting point has them (enum toggle).
+     * Start the pairs of a program on the central path instead of at the starting point (enum toggle).
      */
     int64_t centre_pairs;
     /**
@@ -2294,7 +2294,7 @@ typedef struct swb_settings {
      */
     int64_t convexify_pairs;
     /**
-     * Try an active set that leaves no doubt before the relaxation is small (enum toggle).
+     * Polish with a clear active set before the relaxation is small (enum toggle).
      */
     int64_t early_polish;
     /**
@@ -2302,43 +2302,43 @@ typedef struct swb_settings {
      */
     int64_t square_newton;
     /**
-     * Certify exact points, and follow descents from those that are not B-stationary (enum toggle).
+     * Certify exact points, and follow descent directions from points that are not B-stationary (enum toggle).
      */
     int64_t certify;
     /**
-     * Rungs of the relaxation that may be taken back when the next one is too far.
+     * Number of homotopy steps that may be repeated from the last relaxation with a smaller reduction, when steps at the next one stay short.
      */
     int64_t sigma_retries;
     /**
-     * Second-order corrections of an interior-point step at most.
+     * Limit on the second-order corrections of an interior-point step.
      */
     int64_t max_soc;
     /**
-     * Restore feasibility after a row of tiny interior-point steps (enum toggle).
+     * Restore feasibility after several tiny interior-point steps in a row (enum toggle).
      */
     int64_t restore_tiny;
     /**
-     * What stands for the complementarity constraints until the active set is identified (enum relaxation).
+     * Relaxation or penalty in the place of the complementarity constraints until the active set is identified (enum relaxation).
      */
     int64_t relaxation;
     /**
-     * How relaxation or penalty and barrier parameter change together (enum homotopy).
+     * Changes of relaxation or penalty and barrier parameter: together, or one problem after the other (enum homotopy).
      */
     int64_t homotopy;
     /**
-     * First penalty parameter of the relaxations that are penalties; their sigma is its inverse.
+     * First penalty parameter of the penalties among the relaxations; sigma is its inverse.
      */
     double penalty_init;
     /**
-     * Simulate the controls of an optimal control problem by the event-driven engine and compare (enum toggle).
+     * Compare a solution of optimal control with an event-driven simulation of its controls (enum toggle).
      */
     int64_t accuracy;
     /**
-     * Relative and absolute tolerance of the simulation that the option accuracy compares an optimal control problem with.
+     * Relative and absolute tolerance of the simulation that the option accuracy compares a solution of optimal control with.
      */
     double accuracy_tol;
     /**
-     * Neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
+     * Number of neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
      */
     int64_t mode_search;
     /**
@@ -2346,11 +2346,11 @@ typedef struct swb_settings {
      */
     int64_t dcs_form;
     /**
-     * Factors at most in the products of the Heaviside form before they are lifted.
+     * Largest number of factors in a product of the Heaviside form; longer products are lifted.
      */
     int64_t lift_depth;
     /**
-     * Integration method of the modes in event-driven simulation; sliding modes have Radau IIA always where derivatives are asked for (enum integration).
+     * Integration method of the modes in event-driven simulation (enum integration).
      */
     int64_t integration;
     /**
@@ -2370,19 +2370,19 @@ typedef struct swb_settings {
      */
     double h_max;
     /**
-     * Steps of an event-driven simulation at most, accepted and rejected.
+     * Limit on the steps of an event-driven simulation, accepted and rejected.
      */
     int64_t max_steps;
     /**
-     * Switches an event-driven simulation keeps in its log at most; those beyond are counted only.
+     * Limit on the switches in the log of an event-driven simulation; further ones are only counted.
      */
     int64_t max_switches;
     /**
-     * What an event-driven simulation does where switches accumulate (enum zeno_policy).
+     * Continuation of an event-driven simulation where switches accumulate (enum zeno_policy).
      */
     int64_t zeno;
     /**
-     * What an event-driven simulation does where the continuation is not unique (enum ambiguity_policy).
+     * Continuation of an event-driven simulation where it is not unique (enum ambiguity_policy).
      */
     int64_t ambiguity;
     /**
@@ -2398,35 +2398,35 @@ typedef struct swb_settings {
      */
     int64_t adjoint;
     /**
-     * Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle).
+     * Compute by another solve the least violation of constraints that cannot be met (enum toggle).
      */
     int64_t explain;
     /**
-     * Error at the ends of the control stages up to which finite elements are added to an optimal control problem; 0: the grid stays.
+     * Error at the ends of the control stages down to which the grid of an optimal control problem is refined; 0: the grid stays.
      */
     double adapt_tol;
     /**
-     * Grids at most that an optimal control problem is solved on, after the first one, when adapt_tol is positive.
+     * Limit on the number of refined grids of an optimal control problem, when adapt_tol is positive.
      */
     int64_t adapt_rounds;
     /**
-     * Finite elements at most of a grid that adapt_tol leads to, over all control stages.
+     * Limit on the finite elements of a refined grid over all control stages, when adapt_tol is positive.
      */
     int64_t adapt_elements;
     /**
-     * Bytes that building, solving or simulating may take at most; 0: as many as there are.
+     * Limit on the bytes that building, solving or simulating may take; 0: no limit.
      */
     int64_t max_memory;
     /**
-     * Where optimal control problems start from (enum ocp_start).
+     * Search for the solution of an optimal control problem (enum ocp_start).
      */
     int64_t ocp_start;
     /**
-     * Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).
+     * Strategies for a program with complementarity constraints within its iterations (enum portfolio).
      */
     int64_t portfolio;
     /**
-     * Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply. Where a rule has no weights between 0 and 1, an extreme one (enum selection).
+     * Velocity of a sliding mode where surfaces meet and their effects multiply. Where the chosen rule has no weights between 0 and 1, an extreme velocity is taken (enum selection).
      */
     int64_t selection;
 } swb_settings;

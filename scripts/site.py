@@ -26,6 +26,7 @@ PAGES = {
     "CONTRIBUTING.md": "contributing.md",
     "fuzz/README.md": "fuzz.md",
     **{f"docs/{p.name}": p.name for p in sorted((ROOT / "docs").glob("*.md"))},
+    "docs/README.md": "overview.md",
     **{
         f"docs/{folder}/{p.name}": f"{folder}/{p.name}"
         for folder in ("benchmarks", "dev", "dev/algorithms")
@@ -35,7 +36,7 @@ PAGES = {
 
 NAVIGATION = """
   - Start: index.md
-  - Overview: README.md
+  - Overview: overview.md
   - Tutorial:
       - First hour: tutorial.md
       - Gallery: gallery.md

@@ -52,7 +52,7 @@
 //! same crate: build scripts of crates that depend on this one find its header in `DEP_SWITCHBACK_INCLUDE`.
 //!
 //! Equation and section numbers in brackets are those of A. Nurkanović, *Numerical Methods for Optimal Control of
-//! Nonsmooth Dynamical Systems* (PhD thesis, Freiburg 2023). ARCHITECTURE.md has the layers and the decisions.
+//! Nonsmooth Dynamical Systems* (PhD thesis, Freiburg 2023). docs/dev/architecture.md has the layers.
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 #![allow(clippy::needless_range_loop)]

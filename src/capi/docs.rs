@@ -35,9 +35,9 @@ fn errors() -> String {
     let mut s = String::from(
         "# Status codes and outcomes\n\n\
          Written by `make docs` from the tables of the library.\n\n\
-         A call returns a status: 0, or a negative number that says why it could not do its work; then\n\
-         `swb_last_error()` of the same thread has a message with the numbers, and nothing was written to outputs.\n\
-         How an algorithm ended is no status but an outcome.\n\n\
+         A call returns a status: 0, or a negative number that says why it could not do its work. In the second case\n\
+         `swb_last_error()` of the same thread has a message, and nothing was written to outputs. How an algorithm\n\
+         ended is an outcome.\n\n\
          ## Status\n\n\
          | number | name | meaning | what to do |\n|---:|---|---|---|\n",
     );
@@ -58,9 +58,9 @@ fn errors() -> String {
         writeln!(s, "| {} | `SWB_OUTCOME_{}` | {name} | {usable} |", *number as i32, name.to_uppercase()).unwrap();
     }
     s += "\n## Callbacks\n\n\
-          User functions return 0; a positive number where they are not defined (values that are not finite count as\n\
-          such: the solver tries a shorter step); a negative number to end the call with `SWB_ERR_USER`. No user\n\
-          function is called again in that call. An iteration callback ends a solve by any number but 0, with the\n\
+          User functions return 0, or a positive number where they are not defined. Values that are not finite count as\n\
+          not defined, and the solver tries a shorter step. A negative number ends the call with `SWB_ERR_USER`, and no\n\
+          user function is called again in that call. An iteration callback ends a solve by any number but 0, with the\n\
           outcome `SWB_OUTCOME_STOPPED`; so does an interrupt.\n";
     s
 }

@@ -5,7 +5,7 @@ use crate::settings::{AmbiguityPolicy, Integration, Selection, Sensitivity, Sett
 /// Settings of a simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Integration method of the modes in event-driven simulation; sliding modes have Radau IIA always where derivatives are asked for.
+    /// Integration method of the modes in event-driven simulation.
     pub method: Integration,
     /// Relative tolerance of the local error in event-driven simulation.
     pub rtol: Vec<f64>,
@@ -15,13 +15,13 @@ pub struct Options {
     pub h0: f64,
     /// Longest step of an event-driven simulation.
     pub h_max: f64,
-    /// Steps of an event-driven simulation at most, accepted and rejected.
+    /// Limit on the steps of an event-driven simulation, accepted and rejected.
     pub max_steps: usize,
-    /// Switches an event-driven simulation keeps in its log at most; those beyond are counted only.
+    /// Limit on the switches in the log of an event-driven simulation; further ones are only counted.
     pub max_log: usize,
-    /// What an event-driven simulation does where switches accumulate.
+    /// Continuation of an event-driven simulation where switches accumulate.
     pub zeno: ZenoPolicy,
-    /// What an event-driven simulation does where the continuation is not unique.
+    /// Continuation of an event-driven simulation where it is not unique.
     pub ambiguity: AmbiguityPolicy,
     /// Keep the dense output of an event-driven simulation.
     pub dense: bool,
@@ -29,9 +29,9 @@ pub struct Options {
     pub sensitivity: Sensitivity,
     /// Record an event-driven simulation for adjoint derivatives.
     pub adjoint: bool,
-    /// Bytes that building, solving or simulating may take at most; 0: as many as there are.
+    /// Limit on the bytes that building, solving or simulating may take; 0: no limit.
     pub max_memory: usize,
-    /// Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply. Where a rule has no weights between 0 and 1, an extreme one.
+    /// Velocity of a sliding mode where surfaces meet and their effects multiply. Where the chosen rule has no weights between 0 and 1, an extreme velocity is taken.
     pub selection: Selection,
     /// Modes of every subsystem, the preferred first, for [`AmbiguityPolicy::Prefer`]; those that are not named come last.
     pub preferred: Vec<Vec<usize>>,

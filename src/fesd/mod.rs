@@ -6,7 +6,7 @@
 //! nothing switches. The standard discretisation (fixed lengths, complementarity per stage point, (7.4)) is
 //! there to compare with.
 //!
-//! Choices, see the thesis ch. 7 and ARCHITECTURE.md:
+//! Choices, see the thesis ch. 7 and docs/dev/algorithms/fesd.md:
 //! - one pair per element and component, between the sums of `λ` and of `θ` over the element;
 //! - `μ` at the element end needs no `θ` of its own (7.12): some `θ_{n,m,i} > 0` forces `λ_{n,end,i} = 0` and
 //!   with `λ ≥ 0` that is `μ = min g`;

@@ -1,4 +1,4 @@
-//! How far the forces of a scene take its states in the horizon: what values of their kind are small against.
+//! Changes of the states that the forces of a scene make in the horizon. States that are small compared with them count as zero.
 
 use super::functions::SceneFunctions;
 use super::problem::Statement;

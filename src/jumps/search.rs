@@ -44,8 +44,8 @@ const INSISTED: usize = 3;
 const MOST_ITERATIONS: usize = 400;
 /// First barrier parameter of the program of a sequence: its guess is a motion.
 const NEAR_BARRIER: f64 = 1e-2;
-/// Violation up to which a sequence gets the iterations of one that is right, where it costs less than the best so far or more by no
-/// more than this share; next to the next best answer it is tried again.
+/// Violation up to which the program of a sequence gets all iterations, where its cost exceeds the best one by no more than this share. Such a
+/// sequence is tried again next to the next best solution.
 const PROMISING: f64 = 1e-2;
 /// Places in which an impact of a contact is put in.
 const PUT_IN: usize = 3;

@@ -20,7 +20,7 @@ pub struct MpccSettings {
     pub sigma_factor: f64,
     /// Superlinear reduction of the relaxation: sigma becomes at most sigma^sigma_exponent.
     pub sigma_exponent: f64,
-    /// Barrier parameter that belongs to a relaxation, as a multiple of it.
+    /// Barrier parameter of a relaxed problem as a multiple of its relaxation.
     pub mu_over_sigma: f64,
     /// Barrier parameter at which the first problem, at sigma_init, counts as solved; 0: the library chooses.
     pub plateau_mu: f64,
@@ -36,29 +36,29 @@ pub struct MpccSettings {
     pub ordering: Ordering,
     /// Scale objective and rows by their gradients at the starting point.
     pub scaling: bool,
-    /// Start the pairs of a program on the central path, wherever the starting point has them.
+    /// Start the pairs of a program on the central path instead of at the starting point.
     pub centre_pairs: bool,
     /// Limit the multipliers of products pair by pair before the whole Hessian is perturbed.
     pub convexify_pairs: bool,
-    /// Try an active set that leaves no doubt before the relaxation is small.
+    /// Polish with a clear active set before the relaxation is small.
     pub early_polish: bool,
     /// Solve the square system of the active set by Newton's method.
     pub square_newton: bool,
-    /// Certify exact points, and follow descents from those that are not B-stationary.
+    /// Certify exact points, and follow descent directions from points that are not B-stationary.
     pub certify: bool,
-    /// Rungs of the relaxation that may be taken back when the next one is too far.
+    /// Number of homotopy steps that may be repeated from the last relaxation with a smaller reduction, when steps at the next one stay short.
     pub sigma_retries: usize,
-    /// Second-order corrections of an interior-point step at most.
+    /// Limit on the second-order corrections of an interior-point step.
     pub max_soc: usize,
-    /// Restore feasibility after a row of tiny interior-point steps.
+    /// Restore feasibility after several tiny interior-point steps in a row.
     pub restore_tiny: bool,
-    /// What stands for the complementarity constraints until the active set is identified. Fixed when the problem is built.
+    /// Relaxation or penalty in the place of the complementarity constraints until the active set is identified. Fixed when the problem is built.
     pub relaxation: Relaxation,
-    /// How relaxation or penalty and barrier parameter change together.
+    /// Changes of relaxation or penalty and barrier parameter: together, or one problem after the other.
     pub homotopy: Homotopy,
-    /// First penalty parameter of the relaxations that are penalties; their sigma is its inverse.
+    /// First penalty parameter of the penalties among the relaxations; sigma is its inverse.
     pub penalty_init: f64,
-    /// Which strategies solve a program with complementarity constraints within its iterations.
+    /// Strategies for a program with complementarity constraints within its iterations.
     pub portfolio: Portfolio,
 }
 

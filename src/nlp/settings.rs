@@ -13,21 +13,21 @@ pub struct IpmSettings {
     pub ordering: Ordering,
     /// Limit the multipliers of products pair by pair before the whole Hessian is perturbed.
     pub convexify_pairs: bool,
-    /// Second-order corrections of an interior-point step at most.
+    /// Limit on the second-order corrections of an interior-point step.
     pub max_soc: usize,
-    /// Restore feasibility after a row of tiny interior-point steps.
+    /// Restore feasibility after several tiny interior-point steps in a row.
     pub restore_tiny: bool,
     /// Relative distance a cold start keeps from the bounds (`κ_1 = κ_2`).
     pub bound_push: f64,
     /// Multipliers of the first least-squares estimate above this and above `y_init_share` are dropped.
     pub y_init_max: f64,
-    /// The same, relative to the largest entry of the gradient that they balance.
+    /// Multipliers of the first least-squares estimate above this share of the largest entry of the gradient are dropped, too.
     pub y_init_share: f64,
-    /// May a restoration phase be entered?
+    /// Allow a restoration phase.
     pub restoration: bool,
     /// Growth of the violation over that at the start of a level, up to which trial points are accepted.
     pub theta_room: f64,
-    /// Must every direction solve for the rows, however small their violation is beside the gradient?
+    /// Solve every direction for the rows, however small their violation is compared with the gradient.
     pub exact_rows: bool,
     /// Number of the first iteration in the log.
     pub first_iteration: usize,

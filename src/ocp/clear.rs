@@ -1,7 +1,6 @@
-//! Answers whose controls lead elsewhere because they touch a surface that it is better not to cross: a vehicle that passes a swamp close by. A
-//! simulation that is off by the least bit enters, and between the points of the method the answer has entered already. The same modes are
-//! solved with a distance from what is touched, and an element begins where the state is closest to it; the distance is the smallest
-//! with which the controls lead to the answer.
+//! Grazing solutions: they touch a surface without crossing it, as a vehicle that passes a swamp close by. The smallest error of a simulation crosses
+//! the surface, and so does the solution between the points of the method. The same modes are solved with a distance from the surface, and
+//! an element begins where the state is closest to it. The distance is the smallest one with which a simulation of the controls follows the solution.
 
 use super::candidates::Candidates;
 use super::moves::Sequence;

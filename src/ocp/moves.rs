@@ -12,7 +12,7 @@ use crate::dcs::{Across, Form};
 
 /// Share of the shorter neighbour that a new phase begins with.
 const SHARE: f64 = 0.2;
-/// Share of a stage below which a phase at its start or end is there because phases have a least length.
+/// Share of a stage below which a phase at its start or end is a remnant: phases cannot become shorter than their least length.
 const SLIVER: f64 = 1e-3;
 /// Share of a stage below which a phase is no phase.
 pub(super) const NOTHING: f64 = 1e-6;

@@ -1,6 +1,6 @@
-//! A second look for cheaper answers, from where neither smoothed problems nor sequences next to that of the answer lead: descents on
-//! simulations from random controls, lengths, parameters and initial states, as far as these are free. One takes as long as a few
-//! iterations of a discretised problem, and where it ends a mode program of its phases begins.
+//! Multistart: descents on simulations from random controls, lengths, parameters and initial states, as far as these are free. It finds cheaper
+//! solutions than smoothed problems and neighbouring sequences lead to. A descent takes as long as a few iterations of a discretised problem, and a
+//! mode program of its phases begins where it ends.
 
 use super::candidates::Candidates;
 use super::portfolio::{worth, SAME};

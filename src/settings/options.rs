@@ -44,7 +44,7 @@ impl RkFamily {
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DcsForm {
-    /// Subsystem by subsystem: Stewart's, unless the Heaviside form has fewer pairs and no more variables, or controls alone decide some of its switching functions and not the others.
+    /// Chosen for each subsystem. Stewart's form, unless the Heaviside form has fewer pairs and no more variables, or controls alone decide some of its switching functions and not the others.
     Auto = 0,
     /// One pair for each region.
     Stewart = 1,
@@ -164,11 +164,11 @@ pub enum StepEquilibration {
     Difference = 2,
     /// Difference of neighbouring step sizes weighted by the switch indicator eta.
     EtaProduct = 3,
-    /// The same with the square of the indicator.
+    /// Difference of neighbouring step sizes weighted by the square of the switch indicator eta.
     EtaSquared = 4,
-    /// Products of indicator and difference equal to zero.
+    /// Products of switch indicator and difference of step sizes equal to zero.
     EtaEquation = 5,
-    /// As eta_product with the hyperbolic tangent of the indicator: its size counts only where it is small.
+    /// Difference of neighbouring step sizes weighted by the hyperbolic tangent of the switch indicator eta, whose size then counts only where it is small.
     EtaSaturated = 6,
 }
 
@@ -218,7 +218,7 @@ impl Polish {
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InitialGuess {
-    /// The initial value at every node.
+    /// Initial value of the states at every node.
     Constant = 0,
     /// A simulation with the guessed controls.
     Simulation = 1,
@@ -244,15 +244,15 @@ impl InitialGuess {
     }
 }
 
-/// Where optimal control problems start from (option ocp_start).
+/// Search for the solution of an optimal control problem (option ocp_start).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OcpStart {
-    /// Smoothed problems lead to mode sequences, several of which are solved; where these do not agree on an answer that is certified, or constraints on the way are not linear, the homotopy from the guess is followed too. The cheapest answer is kept.
+    /// Smoothed problems lead to mode sequences, several of which are solved. The homotopy from the guess follows where these do not agree on a certified solution, or constraints on the way are not linear. The cheapest solution is kept.
     Portfolio = 0,
     /// The homotopy from the guess alone.
     Homotopy = 1,
-    /// Smoothed problems alone; the homotopy only where they lead to no answer.
+    /// Smoothed problems alone; the homotopy only where they lead to no solution.
     Smoothing = 2,
 }
 
@@ -272,17 +272,17 @@ impl OcpStart {
     }
 }
 
-/// Which strategies solve a program with complementarity constraints (option portfolio).
+/// Strategies for a program with complementarity constraints (option portfolio).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Portfolio {
-    /// The path that the other options describe alone.
+    /// Only the homotopy that the other options describe.
     Off = 0,
-    /// Where that path ends without a solution the other strategies follow, until one has a solution.
+    /// The homotopy, and where it ends without a solution other strategies, until one has a solution.
     Rescue = 1,
     /// All strategies; the best solution is kept.
     All = 2,
-    /// As rescue; and paths on which the objective weighs more and more follow a solution until two have the same objective, and branches next to the best one are tried. The best answer is kept.
+    /// The strategies of rescue, then homotopies with heavier objectives until two have the same objective, then branches next to the best solution. The best solution is kept.
     Agree = 3,
 }
 
@@ -306,7 +306,7 @@ impl Portfolio {
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LinearSolver {
-    /// By the fill of the factors: columns where they are sparse, dense blocks where they are not.
+    /// Chosen by the fill of the factors: columns where they are sparse, dense blocks where they are not.
     Auto = 0,
     /// SuiteSparse LDL, column by column.
     Suitesparse = 1,
@@ -356,7 +356,7 @@ impl Ordering {
     }
 }
 
-/// What a simulation is differentiated by (option sensitivity).
+/// Inputs with respect to which a simulation is differentiated (option sensitivity).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sensitivity {
@@ -364,7 +364,7 @@ pub enum Sensitivity {
     Off = 0,
     /// Initial states, parameters and controls.
     On = 1,
-    /// Parameters and controls: of many states most columns are those of initial states.
+    /// Parameters and controls, without initial states.
     Inputs = 2,
 }
 
@@ -388,9 +388,9 @@ impl Sensitivity {
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
-    /// Without it.
+    /// The ingredient is left out.
     Off = 0,
-    /// With it.
+    /// The ingredient is used.
     On = 1,
 }
 
@@ -410,7 +410,7 @@ impl Switch {
     }
 }
 
-/// What stands for the complementarity constraints until the active set is identified (option relaxation).
+/// Relaxation or penalty in the place of the complementarity constraints until the active set is identified (option relaxation).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Relaxation {
@@ -468,13 +468,13 @@ impl Relaxation {
     }
 }
 
-/// How relaxation or penalty and barrier parameter change together (option homotopy).
+/// Changes of relaxation or penalty and barrier parameter (option homotopy).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Homotopy {
-    /// Together, every problem solved loosely.
+    /// Relaxation and barrier parameter fall together, and every problem is solved loosely.
     Coupled = 0,
-    /// Every problem solved to the tolerance, from a larger barrier parameter again.
+    /// Every problem is solved to the tolerance, from a larger barrier parameter again.
     Outer = 1,
 }
 
@@ -524,15 +524,15 @@ impl Integration {
     }
 }
 
-/// What an event-driven simulation does where switches accumulate (option zeno).
+/// Continuation of an event-driven simulation where switches accumulate (option zeno).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ZenoPolicy {
-    /// Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose indicators have no rate either; else by steps with a stated error. Derivatives do not follow at a mode of order two: they are NaN behind it.
+    /// Go on in the sliding mode on the surfaces where the switches accumulate, also in one of order two, whose indicators have no rate either. Without such a mode go on by steps with a stated error. Derivatives are NaN behind a mode of order two.
     Continue = 0,
-    /// Stop.
+    /// End the run with the outcome zeno.
     Stop = 1,
-    /// Go through it by steps of a method that needs no switches; where a sliding mode begins there, this finds it too. Slower and less accurate than continue, but it needs no limit set. Derivatives do not follow: they are NaN behind it.
+    /// Pass the accumulation by steps of a method that needs no switches, which also finds a sliding mode that begins there. Slower and less accurate than continue. Derivatives are NaN behind it.
     TimeStepping = 2,
 }
 
@@ -552,15 +552,15 @@ impl ZenoPolicy {
     }
 }
 
-/// What an event-driven simulation does where the continuation is not unique (option ambiguity).
+/// Continuation of an event-driven simulation where it is not unique (option ambiguity).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AmbiguityPolicy {
-    /// The present active set if it may continue, else the fewest active cells, else the lowest indices.
+    /// Keep the present active set if it may continue, else take the fewest active cells, else the lowest indices.
     First = 0,
-    /// Stop.
+    /// End the run with the outcome ambiguous.
     Stop = 1,
-    /// The one whose active modes come first in the list of preferred modes; among equals as first.
+    /// Take the continuation whose active modes come first in the list of preferred modes; among equals as first.
     Prefer = 2,
 }
 
@@ -580,17 +580,17 @@ impl AmbiguityPolicy {
     }
 }
 
-/// Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply (option selection).
+/// Velocity of a sliding mode where surfaces meet and their effects multiply (option selection).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Selection {
-    /// The one in which every surface has a weight and those of modes are their products: what independent smoothings of the surfaces lead to.
+    /// Every surface has a weight, and weights of modes are their products, as independent smoothings of the surfaces lead to.
     Bilinear = 0,
-    /// The one of the moments method, of two surfaces: modes are balanced by the norms of their rates. Where more surfaces meet the simulation stops.
+    /// Moments method for two surfaces: modes are balanced by the norms of their rates. Where more surfaces meet the simulation stops.
     Moments = 1,
-    /// The one whose weights have the least Euclidean norm, as long as none of them vanishes.
+    /// Weights of the least Euclidean norm, as long as none of them vanishes.
     Norm = 2,
-    /// One with the fewest active cells that keep the surfaces, an extreme one.
+    /// Fewest active cells that keep the surfaces: an extreme velocity.
     Fewest = 3,
 }
 
@@ -618,7 +618,7 @@ pub enum LogLevel {
     Silent = 0,
     /// Failures.
     Error = 1,
-    /// Results that deserve a second look.
+    /// Results that need attention.
     Warning = 2,
     /// One summary per solve.
     Info = 3,
@@ -677,7 +677,7 @@ pub struct Settings {
     pub tol: f64,
     /// Limit on the interior point iterations of one solve, over all homotopy steps.
     pub max_iter: i64,
-    /// Limit on the wall time of one solve, in seconds, with everything it does: guesses, certificate, comparison, further rounds. It ends at most one factorisation or 16 model evaluations later, with what was found before; a model function that takes long itself is waited for.
+    /// Limit on the wall time of one solve in seconds, with guesses, certificate, comparison and further rounds. The solve ends at most one factorisation or 16 model evaluations later, and returns the best point so far. A model function that runs is not interrupted.
     pub max_time: f64,
     /// Initial barrier parameter.
     pub mu_init: f64,
@@ -689,7 +689,7 @@ pub struct Settings {
     pub sigma_factor: f64,
     /// Superlinear reduction of the relaxation: sigma becomes at most sigma^sigma_exponent.
     pub sigma_exponent: f64,
-    /// Barrier parameter that belongs to a relaxation, as a multiple of it.
+    /// Barrier parameter of a relaxed problem as a multiple of its relaxation.
     pub mu_over_sigma: f64,
     /// Barrier parameter at which the first problem, at sigma_init, counts as solved; 0: the library chooses.
     pub plateau_mu: f64,
@@ -699,7 +699,7 @@ pub struct Settings {
     pub polish: i64,
     /// Tolerance of the solution after the option polish.
     pub polish_tol: f64,
-    /// Where a solve starts if no guess is given (enum initial_guess).
+    /// Initial guess of a solve without a guess of the states (enum initial_guess).
     pub initial_guess: i64,
     /// Verbosity of the log sink (enum log_level).
     pub log_level: i64,
@@ -709,39 +709,39 @@ pub struct Settings {
     pub ordering: i64,
     /// Scale objective and rows by their gradients at the starting point (enum toggle).
     pub scaling: i64,
-    /// Start the pairs of a program on the central path, wherever the starting point has them (enum toggle).
+    /// Start the pairs of a program on the central path instead of at the starting point (enum toggle).
     pub centre_pairs: i64,
     /// Limit the multipliers of products pair by pair before the whole Hessian is perturbed (enum toggle).
     pub convexify_pairs: i64,
-    /// Try an active set that leaves no doubt before the relaxation is small (enum toggle).
+    /// Polish with a clear active set before the relaxation is small (enum toggle).
     pub early_polish: i64,
     /// Solve the square system of the active set by Newton's method (enum toggle).
     pub square_newton: i64,
-    /// Certify exact points, and follow descents from those that are not B-stationary (enum toggle).
+    /// Certify exact points, and follow descent directions from points that are not B-stationary (enum toggle).
     pub certify: i64,
-    /// Rungs of the relaxation that may be taken back when the next one is too far.
+    /// Number of homotopy steps that may be repeated from the last relaxation with a smaller reduction, when steps at the next one stay short.
     pub sigma_retries: i64,
-    /// Second-order corrections of an interior-point step at most.
+    /// Limit on the second-order corrections of an interior-point step.
     pub max_soc: i64,
-    /// Restore feasibility after a row of tiny interior-point steps (enum toggle).
+    /// Restore feasibility after several tiny interior-point steps in a row (enum toggle).
     pub restore_tiny: i64,
-    /// What stands for the complementarity constraints until the active set is identified (enum relaxation).
+    /// Relaxation or penalty in the place of the complementarity constraints until the active set is identified (enum relaxation).
     pub relaxation: i64,
-    /// How relaxation or penalty and barrier parameter change together (enum homotopy).
+    /// Changes of relaxation or penalty and barrier parameter: together, or one problem after the other (enum homotopy).
     pub homotopy: i64,
-    /// First penalty parameter of the relaxations that are penalties; their sigma is its inverse.
+    /// First penalty parameter of the penalties among the relaxations; sigma is its inverse.
     pub penalty_init: f64,
-    /// Simulate the controls of an optimal control problem by the event-driven engine and compare (enum toggle).
+    /// Compare a solution of optimal control with an event-driven simulation of its controls (enum toggle).
     pub accuracy: i64,
-    /// Relative and absolute tolerance of the simulation that the option accuracy compares an optimal control problem with.
+    /// Relative and absolute tolerance of the simulation that the option accuracy compares a solution of optimal control with.
     pub accuracy_tol: f64,
-    /// Neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
+    /// Number of neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
     pub mode_search: i64,
     /// Complementarity form of what switches (enum dcs_form).
     pub dcs_form: i64,
-    /// Factors at most in the products of the Heaviside form before they are lifted.
+    /// Largest number of factors in a product of the Heaviside form; longer products are lifted.
     pub lift_depth: i64,
-    /// Integration method of the modes in event-driven simulation; sliding modes have Radau IIA always where derivatives are asked for (enum integration).
+    /// Integration method of the modes in event-driven simulation (enum integration).
     pub integration: i64,
     /// Relative tolerance of the local error in event-driven simulation.
     pub rtol: f64,
@@ -751,13 +751,13 @@ pub struct Settings {
     pub h_init: f64,
     /// Longest step of an event-driven simulation.
     pub h_max: f64,
-    /// Steps of an event-driven simulation at most, accepted and rejected.
+    /// Limit on the steps of an event-driven simulation, accepted and rejected.
     pub max_steps: i64,
-    /// Switches an event-driven simulation keeps in its log at most; those beyond are counted only.
+    /// Limit on the switches in the log of an event-driven simulation; further ones are only counted.
     pub max_switches: i64,
-    /// What an event-driven simulation does where switches accumulate (enum zeno_policy).
+    /// Continuation of an event-driven simulation where switches accumulate (enum zeno_policy).
     pub zeno: i64,
-    /// What an event-driven simulation does where the continuation is not unique (enum ambiguity_policy).
+    /// Continuation of an event-driven simulation where it is not unique (enum ambiguity_policy).
     pub ambiguity: i64,
     /// Keep the dense output of an event-driven simulation (enum toggle).
     pub dense: i64,
@@ -765,21 +765,21 @@ pub struct Settings {
     pub sensitivity: i64,
     /// Record an event-driven simulation for adjoint derivatives (enum toggle).
     pub adjoint: i64,
-    /// Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle).
+    /// Compute by another solve the least violation of constraints that cannot be met (enum toggle).
     pub explain: i64,
-    /// Error at the ends of the control stages up to which finite elements are added to an optimal control problem; 0: the grid stays.
+    /// Error at the ends of the control stages down to which the grid of an optimal control problem is refined; 0: the grid stays.
     pub adapt_tol: f64,
-    /// Grids at most that an optimal control problem is solved on, after the first one, when adapt_tol is positive.
+    /// Limit on the number of refined grids of an optimal control problem, when adapt_tol is positive.
     pub adapt_rounds: i64,
-    /// Finite elements at most of a grid that adapt_tol leads to, over all control stages.
+    /// Limit on the finite elements of a refined grid over all control stages, when adapt_tol is positive.
     pub adapt_elements: i64,
-    /// Bytes that building, solving or simulating may take at most; 0: as many as there are.
+    /// Limit on the bytes that building, solving or simulating may take; 0: no limit.
     pub max_memory: i64,
-    /// Where optimal control problems start from (enum ocp_start).
+    /// Search for the solution of an optimal control problem (enum ocp_start).
     pub ocp_start: i64,
-    /// Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).
+    /// Strategies for a program with complementarity constraints within its iterations (enum portfolio).
     pub portfolio: i64,
-    /// Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply. Where a rule has no weights between 0 and 1, an extreme one (enum selection).
+    /// Velocity of a sliding mode where surfaces meet and their effects multiply. Where the chosen rule has no weights between 0 and 1, an extreme velocity is taken (enum selection).
     pub selection: i64,
 }
 
@@ -1018,7 +1018,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(f64::INFINITY),
         symbol: "",
-        doc: "Limit on the wall time of one solve, in seconds, with everything it does: guesses, certificate, comparison, further rounds. It ends at most one factorisation or 16 model evaluations later, with what was found before; a model function that takes long itself is waited for.",
+        doc: "Limit on the wall time of one solve in seconds, with guesses, certificate, comparison and further rounds. The solve ends at most one factorisation or 16 model evaluations later, and returns the best point so far. A model function that runs is not interrupted.",
         setup_only: false,
         offset: offset_of!(Settings, max_time),
         get: |s| s.max_time,
@@ -1102,7 +1102,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Open(0.0),
         max: Closed(1000.0),
         symbol: "",
-        doc: "Barrier parameter that belongs to a relaxation, as a multiple of it.",
+        doc: "Barrier parameter of a relaxed problem as a multiple of its relaxation.",
         setup_only: false,
         offset: offset_of!(Settings, mu_over_sigma),
         get: |s| s.mu_over_sigma,
@@ -1172,7 +1172,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(3.0),
         symbol: "",
-        doc: "Where a solve starts if no guess is given (enum initial_guess).",
+        doc: "Initial guess of a solve without a guess of the states (enum initial_guess).",
         setup_only: false,
         offset: offset_of!(Settings, initial_guess),
         get: |s| s.initial_guess as f64,
@@ -1242,7 +1242,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1.0),
         symbol: "",
-        doc: "Start the pairs of a program on the central path, wherever the starting point has them (enum toggle).",
+        doc: "Start the pairs of a program on the central path instead of at the starting point (enum toggle).",
         setup_only: false,
         offset: offset_of!(Settings, centre_pairs),
         get: |s| s.centre_pairs as f64,
@@ -1270,7 +1270,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1.0),
         symbol: "",
-        doc: "Try an active set that leaves no doubt before the relaxation is small (enum toggle).",
+        doc: "Polish with a clear active set before the relaxation is small (enum toggle).",
         setup_only: false,
         offset: offset_of!(Settings, early_polish),
         get: |s| s.early_polish as f64,
@@ -1298,7 +1298,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1.0),
         symbol: "",
-        doc: "Certify exact points, and follow descents from those that are not B-stationary (enum toggle).",
+        doc: "Certify exact points, and follow descent directions from points that are not B-stationary (enum toggle).",
         setup_only: false,
         offset: offset_of!(Settings, certify),
         get: |s| s.certify as f64,
@@ -1312,7 +1312,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(100.0),
         symbol: "",
-        doc: "Rungs of the relaxation that may be taken back when the next one is too far.",
+        doc: "Number of homotopy steps that may be repeated from the last relaxation with a smaller reduction, when steps at the next one stay short.",
         setup_only: false,
         offset: offset_of!(Settings, sigma_retries),
         get: |s| s.sigma_retries as f64,
@@ -1326,7 +1326,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(100.0),
         symbol: "",
-        doc: "Second-order corrections of an interior-point step at most.",
+        doc: "Limit on the second-order corrections of an interior-point step.",
         setup_only: false,
         offset: offset_of!(Settings, max_soc),
         get: |s| s.max_soc as f64,
@@ -1340,7 +1340,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1.0),
         symbol: "",
-        doc: "Restore feasibility after a row of tiny interior-point steps (enum toggle).",
+        doc: "Restore feasibility after several tiny interior-point steps in a row (enum toggle).",
         setup_only: false,
         offset: offset_of!(Settings, restore_tiny),
         get: |s| s.restore_tiny as f64,
@@ -1354,7 +1354,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(17.0),
         symbol: "",
-        doc: "What stands for the complementarity constraints until the active set is identified (enum relaxation).",
+        doc: "Relaxation or penalty in the place of the complementarity constraints until the active set is identified (enum relaxation).",
         setup_only: true,
         offset: offset_of!(Settings, relaxation),
         get: |s| s.relaxation as f64,
@@ -1368,7 +1368,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1.0),
         symbol: "",
-        doc: "How relaxation or penalty and barrier parameter change together (enum homotopy).",
+        doc: "Changes of relaxation or penalty and barrier parameter: together, or one problem after the other (enum homotopy).",
         setup_only: false,
         offset: offset_of!(Settings, homotopy),
         get: |s| s.homotopy as f64,
@@ -1382,7 +1382,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(1e-9),
         max: Closed(1000000000.0),
         symbol: "rho_0",
-        doc: "First penalty parameter of the relaxations that are penalties; their sigma is its inverse.",
+        doc: "First penalty parameter of the penalties among the relaxations; sigma is its inverse.",
         setup_only: false,
         offset: offset_of!(Settings, penalty_init),
         get: |s| s.penalty_init,
@@ -1396,7 +1396,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1.0),
         symbol: "",
-        doc: "Simulate the controls of an optimal control problem by the event-driven engine and compare (enum toggle).",
+        doc: "Compare a solution of optimal control with an event-driven simulation of its controls (enum toggle).",
         setup_only: false,
         offset: offset_of!(Settings, accuracy),
         get: |s| s.accuracy as f64,
@@ -1410,7 +1410,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(1e-13),
         max: Closed(0.01),
         symbol: "",
-        doc: "Relative and absolute tolerance of the simulation that the option accuracy compares an optimal control problem with.",
+        doc: "Relative and absolute tolerance of the simulation that the option accuracy compares a solution of optimal control with.",
         setup_only: false,
         offset: offset_of!(Settings, accuracy_tol),
         get: |s| s.accuracy_tol,
@@ -1424,7 +1424,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1000000.0),
         symbol: "",
-        doc: "Neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.",
+        doc: "Number of neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.",
         setup_only: false,
         offset: offset_of!(Settings, mode_search),
         get: |s| s.mode_search as f64,
@@ -1452,7 +1452,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(2.0),
         max: Closed(64.0),
         symbol: "n_d",
-        doc: "Factors at most in the products of the Heaviside form before they are lifted.",
+        doc: "Largest number of factors in a product of the Heaviside form; longer products are lifted.",
         setup_only: true,
         offset: offset_of!(Settings, lift_depth),
         get: |s| s.lift_depth as f64,
@@ -1466,7 +1466,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(3.0),
         symbol: "",
-        doc: "Integration method of the modes in event-driven simulation; sliding modes have Radau IIA always where derivatives are asked for (enum integration).",
+        doc: "Integration method of the modes in event-driven simulation (enum integration).",
         setup_only: false,
         offset: offset_of!(Settings, integration),
         get: |s| s.integration as f64,
@@ -1536,7 +1536,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1000000000000000.0),
         symbol: "",
-        doc: "Steps of an event-driven simulation at most, accepted and rejected.",
+        doc: "Limit on the steps of an event-driven simulation, accepted and rejected.",
         setup_only: false,
         offset: offset_of!(Settings, max_steps),
         get: |s| s.max_steps as f64,
@@ -1550,7 +1550,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1000000000000000.0),
         symbol: "",
-        doc: "Switches an event-driven simulation keeps in its log at most; those beyond are counted only.",
+        doc: "Limit on the switches in the log of an event-driven simulation; further ones are only counted.",
         setup_only: false,
         offset: offset_of!(Settings, max_switches),
         get: |s| s.max_switches as f64,
@@ -1564,7 +1564,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(2.0),
         symbol: "",
-        doc: "What an event-driven simulation does where switches accumulate (enum zeno_policy).",
+        doc: "Continuation of an event-driven simulation where switches accumulate (enum zeno_policy).",
         setup_only: false,
         offset: offset_of!(Settings, zeno),
         get: |s| s.zeno as f64,
@@ -1578,7 +1578,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(2.0),
         symbol: "",
-        doc: "What an event-driven simulation does where the continuation is not unique (enum ambiguity_policy).",
+        doc: "Continuation of an event-driven simulation where it is not unique (enum ambiguity_policy).",
         setup_only: false,
         offset: offset_of!(Settings, ambiguity),
         get: |s| s.ambiguity as f64,
@@ -1634,7 +1634,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1.0),
         symbol: "",
-        doc: "Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle).",
+        doc: "Compute by another solve the least violation of constraints that cannot be met (enum toggle).",
         setup_only: false,
         offset: offset_of!(Settings, explain),
         get: |s| s.explain as f64,
@@ -1648,7 +1648,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1.0),
         symbol: "",
-        doc: "Error at the ends of the control stages up to which finite elements are added to an optimal control problem; 0: the grid stays.",
+        doc: "Error at the ends of the control stages down to which the grid of an optimal control problem is refined; 0: the grid stays.",
         setup_only: false,
         offset: offset_of!(Settings, adapt_tol),
         get: |s| s.adapt_tol,
@@ -1662,7 +1662,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1000.0),
         symbol: "",
-        doc: "Grids at most that an optimal control problem is solved on, after the first one, when adapt_tol is positive.",
+        doc: "Limit on the number of refined grids of an optimal control problem, when adapt_tol is positive.",
         setup_only: false,
         offset: offset_of!(Settings, adapt_rounds),
         get: |s| s.adapt_rounds as f64,
@@ -1676,7 +1676,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(1.0),
         max: Closed(1000000.0),
         symbol: "",
-        doc: "Finite elements at most of a grid that adapt_tol leads to, over all control stages.",
+        doc: "Limit on the finite elements of a refined grid over all control stages, when adapt_tol is positive.",
         setup_only: false,
         offset: offset_of!(Settings, adapt_elements),
         get: |s| s.adapt_elements as f64,
@@ -1690,7 +1690,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(1000000000000000.0),
         symbol: "",
-        doc: "Bytes that building, solving or simulating may take at most; 0: as many as there are.",
+        doc: "Limit on the bytes that building, solving or simulating may take; 0: no limit.",
         setup_only: false,
         offset: offset_of!(Settings, max_memory),
         get: |s| s.max_memory as f64,
@@ -1704,7 +1704,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(2.0),
         symbol: "",
-        doc: "Where optimal control problems start from (enum ocp_start).",
+        doc: "Search for the solution of an optimal control problem (enum ocp_start).",
         setup_only: false,
         offset: offset_of!(Settings, ocp_start),
         get: |s| s.ocp_start as f64,
@@ -1718,7 +1718,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(3.0),
         symbol: "",
-        doc: "Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).",
+        doc: "Strategies for a program with complementarity constraints within its iterations (enum portfolio).",
         setup_only: false,
         offset: offset_of!(Settings, portfolio),
         get: |s| s.portfolio as f64,
@@ -1732,7 +1732,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(3.0),
         symbol: "",
-        doc: "Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply. Where a rule has no weights between 0 and 1, an extreme one (enum selection).",
+        doc: "Velocity of a sliding mode where surfaces meet and their effects multiply. Where the chosen rule has no weights between 0 and 1, an extreme velocity is taken (enum selection).",
         setup_only: false,
         offset: offset_of!(Settings, selection),
         get: |s| s.selection as f64,

@@ -41,7 +41,7 @@ const NAMES_swb_rk_family = [:radau_iia => 0, :gauss_legendre => 1, :explicit =>
 """
 Complementarity form of what switches (option dcs_form).
 
-- `SWB_DCS_FORM_AUTO`: Subsystem by subsystem: Stewart's, unless the Heaviside form has fewer pairs and no more variables, or controls alone decide some of its switching functions and not the others.
+- `SWB_DCS_FORM_AUTO`: Chosen for each subsystem. Stewart's form, unless the Heaviside form has fewer pairs and no more variables, or controls alone decide some of its switching functions and not the others.
 - `SWB_DCS_FORM_STEWART`: One pair for each region.
 - `SWB_DCS_FORM_HEAVISIDE`: Two pairs for each switching function; subsystems given by indicators stay in Stewart's form.
 """
@@ -97,9 +97,9 @@ Step equilibration during the homotopy (option step_equilibration).
 - `SWB_STEP_EQUILIBRATION_MEAN`: Penalty on the deviation from the mean step size.
 - `SWB_STEP_EQUILIBRATION_DIFFERENCE`: Penalty on the difference of neighbouring step sizes.
 - `SWB_STEP_EQUILIBRATION_ETA_PRODUCT`: Difference of neighbouring step sizes weighted by the switch indicator eta.
-- `SWB_STEP_EQUILIBRATION_ETA_SQUARED`: The same with the square of the indicator.
-- `SWB_STEP_EQUILIBRATION_ETA_EQUATION`: Products of indicator and difference equal to zero.
-- `SWB_STEP_EQUILIBRATION_ETA_SATURATED`: As eta_product with the hyperbolic tangent of the indicator: its size counts only where it is small.
+- `SWB_STEP_EQUILIBRATION_ETA_SQUARED`: Difference of neighbouring step sizes weighted by the square of the switch indicator eta.
+- `SWB_STEP_EQUILIBRATION_ETA_EQUATION`: Products of switch indicator and difference of step sizes equal to zero.
+- `SWB_STEP_EQUILIBRATION_ETA_SATURATED`: Difference of neighbouring step sizes weighted by the hyperbolic tangent of the switch indicator eta, whose size then counts only where it is small.
 """
 const swb_step_equilibration = Int64
 const SWB_STEP_EQUILIBRATION_NONE = swb_step_equilibration(0)
@@ -125,7 +125,7 @@ const NAMES_swb_polish = [:off => 0, :on => 1]
 """
 Initial guess of the discretised problem (option initial_guess).
 
-- `SWB_INITIAL_GUESS_CONSTANT`: The initial value at every node.
+- `SWB_INITIAL_GUESS_CONSTANT`: Initial value of the states at every node.
 - `SWB_INITIAL_GUESS_SIMULATION`: A simulation with the guessed controls.
 - `SWB_INITIAL_GUESS_SMOOTHED`: A simulation of the system smoothed as at the start of the homotopy, with weights and multipliers that fit.
 - `SWB_INITIAL_GUESS_TIME_STEPPING`: The solution of the problem with fixed steps, early in its homotopy.
@@ -138,11 +138,11 @@ const SWB_INITIAL_GUESS_TIME_STEPPING = swb_initial_guess(3)
 const NAMES_swb_initial_guess = [:constant => 0, :simulation => 1, :smoothed => 2, :time_stepping => 3]
 
 """
-Where optimal control problems start from (option ocp_start).
+Search for the solution of an optimal control problem (option ocp_start).
 
-- `SWB_OCP_START_PORTFOLIO`: Smoothed problems lead to mode sequences, several of which are solved; where these do not agree on an answer that is certified, or constraints on the way are not linear, the homotopy from the guess is followed too. The cheapest answer is kept.
+- `SWB_OCP_START_PORTFOLIO`: Smoothed problems lead to mode sequences, several of which are solved. The homotopy from the guess follows where these do not agree on a certified solution, or constraints on the way are not linear. The cheapest solution is kept.
 - `SWB_OCP_START_HOMOTOPY`: The homotopy from the guess alone.
-- `SWB_OCP_START_SMOOTHING`: Smoothed problems alone; the homotopy only where they lead to no answer.
+- `SWB_OCP_START_SMOOTHING`: Smoothed problems alone; the homotopy only where they lead to no solution.
 """
 const swb_ocp_start = Int64
 const SWB_OCP_START_PORTFOLIO = swb_ocp_start(0)
@@ -151,12 +151,12 @@ const SWB_OCP_START_SMOOTHING = swb_ocp_start(2)
 const NAMES_swb_ocp_start = [:portfolio => 0, :homotopy => 1, :smoothing => 2]
 
 """
-Which strategies solve a program with complementarity constraints (option portfolio).
+Strategies for a program with complementarity constraints (option portfolio).
 
-- `SWB_PORTFOLIO_OFF`: The path that the other options describe alone.
-- `SWB_PORTFOLIO_RESCUE`: Where that path ends without a solution the other strategies follow, until one has a solution.
+- `SWB_PORTFOLIO_OFF`: Only the homotopy that the other options describe.
+- `SWB_PORTFOLIO_RESCUE`: The homotopy, and where it ends without a solution other strategies, until one has a solution.
 - `SWB_PORTFOLIO_ALL`: All strategies; the best solution is kept.
-- `SWB_PORTFOLIO_AGREE`: As rescue; and paths on which the objective weighs more and more follow a solution until two have the same objective, and branches next to the best one are tried. The best answer is kept.
+- `SWB_PORTFOLIO_AGREE`: The strategies of rescue, then homotopies with heavier objectives until two have the same objective, then branches next to the best solution. The best solution is kept.
 """
 const swb_portfolio = Int64
 const SWB_PORTFOLIO_OFF = swb_portfolio(0)
@@ -168,7 +168,7 @@ const NAMES_swb_portfolio = [:off => 0, :rescue => 1, :all => 2, :agree => 3]
 """
 Factorisation of the Newton matrices (option linear_solver).
 
-- `SWB_LINEAR_SOLVER_AUTO`: By the fill of the factors: columns where they are sparse, dense blocks where they are not.
+- `SWB_LINEAR_SOLVER_AUTO`: Chosen by the fill of the factors: columns where they are sparse, dense blocks where they are not.
 - `SWB_LINEAR_SOLVER_SUITESPARSE`: SuiteSparse LDL, column by column.
 - `SWB_LINEAR_SOLVER_FAER`: Dense blocks of columns, by faer; only in a library built with it.
 """
@@ -190,11 +190,11 @@ const SWB_ORDERING_NATURAL = swb_ordering(1)
 const NAMES_swb_ordering = [:amd => 0, :natural => 1]
 
 """
-What a simulation is differentiated by (option sensitivity).
+Inputs with respect to which a simulation is differentiated (option sensitivity).
 
 - `SWB_SENSITIVITY_OFF`: Nothing.
 - `SWB_SENSITIVITY_ON`: Initial states, parameters and controls.
-- `SWB_SENSITIVITY_INPUTS`: Parameters and controls: of many states most columns are those of initial states.
+- `SWB_SENSITIVITY_INPUTS`: Parameters and controls, without initial states.
 """
 const swb_sensitivity = Int64
 const SWB_SENSITIVITY_OFF = swb_sensitivity(0)
@@ -205,8 +205,8 @@ const NAMES_swb_sensitivity = [:off => 0, :on => 1, :inputs => 2]
 """
 An ingredient of a method that can be left out.
 
-- `SWB_TOGGLE_OFF`: Without it.
-- `SWB_TOGGLE_ON`: With it.
+- `SWB_TOGGLE_OFF`: The ingredient is left out.
+- `SWB_TOGGLE_ON`: The ingredient is used.
 """
 const swb_toggle = Int64
 const SWB_TOGGLE_OFF = swb_toggle(0)
@@ -214,7 +214,7 @@ const SWB_TOGGLE_ON = swb_toggle(1)
 const NAMES_swb_toggle = [:off => 0, :on => 1]
 
 """
-What stands for the complementarity constraints until the active set is identified (option relaxation).
+Relaxation or penalty in the place of the complementarity constraints until the active set is identified (option relaxation).
 
 - `SWB_RELAXATION_SCHOLTES`: Products at most sigma.
 - `SWB_RELAXATION_SCHOLTES_EQ`: Products equal to sigma.
@@ -257,10 +257,10 @@ const SWB_RELAXATION_DIRECT = swb_relaxation(17)
 const NAMES_swb_relaxation = [:scholtes => 0, :scholtes_eq => 1, :scholtes_lumped => 2, :lin_fukushima => 3, :kadrani => 4, :steffensen_ulbrich => 5, :steffensen_ulbrich_poly => 6, :kanzow_schwartz => 7, :fischer_burmeister => 8, :natural_residual => 9, :chen_chen_kanzow => 10, :two_sided => 11, :raghunathan_biegler => 12, :l1_penalty => 13, :linf_penalty => 14, :l1_elastic => 15, :elastic => 16, :direct => 17]
 
 """
-How relaxation or penalty and barrier parameter change together (option homotopy).
+Changes of relaxation or penalty and barrier parameter (option homotopy).
 
-- `SWB_HOMOTOPY_COUPLED`: Together, every problem solved loosely.
-- `SWB_HOMOTOPY_OUTER`: Every problem solved to the tolerance, from a larger barrier parameter again.
+- `SWB_HOMOTOPY_COUPLED`: Relaxation and barrier parameter fall together, and every problem is solved loosely.
+- `SWB_HOMOTOPY_OUTER`: Every problem is solved to the tolerance, from a larger barrier parameter again.
 """
 const swb_homotopy = Int64
 const SWB_HOMOTOPY_COUPLED = swb_homotopy(0)
@@ -283,11 +283,11 @@ const SWB_INTEGRATION_RADAU5 = swb_integration(3)
 const NAMES_swb_integration = [:auto => 0, :dp5 => 1, :dop853 => 2, :radau5 => 3]
 
 """
-What an event-driven simulation does where switches accumulate (option zeno).
+Continuation of an event-driven simulation where switches accumulate (option zeno).
 
-- `SWB_ZENO_POLICY_CONTINUE`: Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose indicators have no rate either; else by steps with a stated error. Derivatives do not follow at a mode of order two: they are NaN behind it.
-- `SWB_ZENO_POLICY_STOP`: Stop.
-- `SWB_ZENO_POLICY_TIME_STEPPING`: Go through it by steps of a method that needs no switches; where a sliding mode begins there, this finds it too. Slower and less accurate than continue, but it needs no limit set. Derivatives do not follow: they are NaN behind it.
+- `SWB_ZENO_POLICY_CONTINUE`: Go on in the sliding mode on the surfaces where the switches accumulate, also in one of order two, whose indicators have no rate either. Without such a mode go on by steps with a stated error. Derivatives are NaN behind a mode of order two.
+- `SWB_ZENO_POLICY_STOP`: End the run with the outcome zeno.
+- `SWB_ZENO_POLICY_TIME_STEPPING`: Pass the accumulation by steps of a method that needs no switches, which also finds a sliding mode that begins there. Slower and less accurate than continue. Derivatives are NaN behind it.
 """
 const swb_zeno_policy = Int64
 const SWB_ZENO_POLICY_CONTINUE = swb_zeno_policy(0)
@@ -296,11 +296,11 @@ const SWB_ZENO_POLICY_TIME_STEPPING = swb_zeno_policy(2)
 const NAMES_swb_zeno_policy = [:continue => 0, :stop => 1, :time_stepping => 2]
 
 """
-What an event-driven simulation does where the continuation is not unique (option ambiguity).
+Continuation of an event-driven simulation where it is not unique (option ambiguity).
 
-- `SWB_AMBIGUITY_POLICY_FIRST`: The present active set if it may continue, else the fewest active cells, else the lowest indices.
-- `SWB_AMBIGUITY_POLICY_STOP`: Stop.
-- `SWB_AMBIGUITY_POLICY_PREFER`: The one whose active modes come first in the list of preferred modes; among equals as first.
+- `SWB_AMBIGUITY_POLICY_FIRST`: Keep the present active set if it may continue, else take the fewest active cells, else the lowest indices.
+- `SWB_AMBIGUITY_POLICY_STOP`: End the run with the outcome ambiguous.
+- `SWB_AMBIGUITY_POLICY_PREFER`: Take the continuation whose active modes come first in the list of preferred modes; among equals as first.
 """
 const swb_ambiguity_policy = Int64
 const SWB_AMBIGUITY_POLICY_FIRST = swb_ambiguity_policy(0)
@@ -309,12 +309,12 @@ const SWB_AMBIGUITY_POLICY_PREFER = swb_ambiguity_policy(2)
 const NAMES_swb_ambiguity_policy = [:first => 0, :stop => 1, :prefer => 2]
 
 """
-Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply (option selection).
+Velocity of a sliding mode where surfaces meet and their effects multiply (option selection).
 
-- `SWB_SELECTION_BILINEAR`: The one in which every surface has a weight and those of modes are their products: what independent smoothings of the surfaces lead to.
-- `SWB_SELECTION_MOMENTS`: The one of the moments method, of two surfaces: modes are balanced by the norms of their rates. Where more surfaces meet the simulation stops.
-- `SWB_SELECTION_NORM`: The one whose weights have the least Euclidean norm, as long as none of them vanishes.
-- `SWB_SELECTION_FEWEST`: One with the fewest active cells that keep the surfaces, an extreme one.
+- `SWB_SELECTION_BILINEAR`: Every surface has a weight, and weights of modes are their products, as independent smoothings of the surfaces lead to.
+- `SWB_SELECTION_MOMENTS`: Moments method for two surfaces: modes are balanced by the norms of their rates. Where more surfaces meet the simulation stops.
+- `SWB_SELECTION_NORM`: Weights of the least Euclidean norm, as long as none of them vanishes.
+- `SWB_SELECTION_FEWEST`: Fewest active cells that keep the surfaces: an extreme velocity.
 """
 const swb_selection = Int64
 const SWB_SELECTION_BILINEAR = swb_selection(0)
@@ -328,7 +328,7 @@ Verbosity of the log sink; each level contains the ones before it (option log_le
 
 - `SWB_LOG_LEVEL_SILENT`: Nothing.
 - `SWB_LOG_LEVEL_ERROR`: Failures.
-- `SWB_LOG_LEVEL_WARNING`: Results that deserve a second look.
+- `SWB_LOG_LEVEL_WARNING`: Results that need attention.
 - `SWB_LOG_LEVEL_INFO`: One summary per solve.
 - `SWB_LOG_LEVEL_DEBUG`: One line per iteration.
 - `SWB_LOG_LEVEL_TRACE`: Inner steps: line search, factorisations, active-set changes.
@@ -1042,58 +1042,58 @@ table (`swb_option_range`).
 - `gamma_h`: Step sizes stay between (1 - gamma_h) and (1 + gamma_h) times the nominal one.
 - `tol`: Convergence tolerance of the interior point at sigma = 0, before polishing.
 - `max_iter`: Limit on the interior point iterations of one solve, over all homotopy steps.
-- `max_time`: Limit on the wall time of one solve, in seconds, with everything it does: guesses, certificate, comparison, further rounds. It ends at most one factorisation or 16 model evaluations later, with what was found before; a model function that takes long itself is waited for.
+- `max_time`: Limit on the wall time of one solve in seconds, with guesses, certificate, comparison and further rounds. The solve ends at most one factorisation or 16 model evaluations later, and returns the best point so far. A model function that runs is not interrupted.
 - `mu_init`: Initial barrier parameter.
 - `sigma_init`: Initial relaxation of the complementarity.
 - `sigma_min`: Smallest relaxation of the complementarity.
 - `sigma_factor`: Linear reduction of the relaxation: sigma becomes at most sigma_factor sigma.
 - `sigma_exponent`: Superlinear reduction of the relaxation: sigma becomes at most sigma^sigma_exponent.
-- `mu_over_sigma`: Barrier parameter that belongs to a relaxation, as a multiple of it.
+- `mu_over_sigma`: Barrier parameter of a relaxed problem as a multiple of its relaxation.
 - `plateau_mu`: Barrier parameter at which the first problem, at sigma_init, counts as solved; 0: the library chooses.
 - `plateau_viol`: Constraint violation at which the first problem, at sigma_init, counts as solved.
 - `polish`: Identify the active set and solve the smooth problem that remains (enum polish).
 - `polish_tol`: Tolerance of the solution after the option polish.
-- `initial_guess`: Where a solve starts if no guess is given (enum initial_guess).
+- `initial_guess`: Initial guess of a solve without a guess of the states (enum initial_guess).
 - `log_level`: Verbosity of the log sink (enum log_level).
 - `linear_solver`: Factorisation of the Newton matrices (enum linear_solver).
 - `ordering`: Order of elimination in the Newton matrices (enum ordering).
 - `scaling`: Scale objective and rows by their gradients at the starting point (enum toggle).
-- `centre_pairs`: Start the pairs of a program on the central path, wherever the starting point has them (enum toggle).
+- `centre_pairs`: Start the pairs of a program on the central path instead of at the starting point (enum toggle).
 - `convexify_pairs`: Limit the multipliers of products pair by pair before the whole Hessian is perturbed (enum toggle).
-- `early_polish`: Try an active set that leaves no doubt before the relaxation is small (enum toggle).
+- `early_polish`: Polish with a clear active set before the relaxation is small (enum toggle).
 - `square_newton`: Solve the square system of the active set by Newton's method (enum toggle).
-- `certify`: Certify exact points, and follow descents from those that are not B-stationary (enum toggle).
-- `sigma_retries`: Rungs of the relaxation that may be taken back when the next one is too far.
-- `max_soc`: Second-order corrections of an interior-point step at most.
-- `restore_tiny`: Restore feasibility after a row of tiny interior-point steps (enum toggle).
-- `relaxation`: What stands for the complementarity constraints until the active set is identified (enum relaxation).
-- `homotopy`: How relaxation or penalty and barrier parameter change together (enum homotopy).
-- `penalty_init`: First penalty parameter of the relaxations that are penalties; their sigma is its inverse.
-- `accuracy`: Simulate the controls of an optimal control problem by the event-driven engine and compare (enum toggle).
-- `accuracy_tol`: Relative and absolute tolerance of the simulation that the option accuracy compares an optimal control problem with.
-- `mode_search`: Neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
+- `certify`: Certify exact points, and follow descent directions from points that are not B-stationary (enum toggle).
+- `sigma_retries`: Number of homotopy steps that may be repeated from the last relaxation with a smaller reduction, when steps at the next one stay short.
+- `max_soc`: Limit on the second-order corrections of an interior-point step.
+- `restore_tiny`: Restore feasibility after several tiny interior-point steps in a row (enum toggle).
+- `relaxation`: Relaxation or penalty in the place of the complementarity constraints until the active set is identified (enum relaxation).
+- `homotopy`: Changes of relaxation or penalty and barrier parameter: together, or one problem after the other (enum homotopy).
+- `penalty_init`: First penalty parameter of the penalties among the relaxations; sigma is its inverse.
+- `accuracy`: Compare a solution of optimal control with an event-driven simulation of its controls (enum toggle).
+- `accuracy_tol`: Relative and absolute tolerance of the simulation that the option accuracy compares a solution of optimal control with.
+- `mode_search`: Number of neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
 - `dcs_form`: Complementarity form of what switches (enum dcs_form).
-- `lift_depth`: Factors at most in the products of the Heaviside form before they are lifted.
-- `integration`: Integration method of the modes in event-driven simulation; sliding modes have Radau IIA always where derivatives are asked for (enum integration).
+- `lift_depth`: Largest number of factors in a product of the Heaviside form; longer products are lifted.
+- `integration`: Integration method of the modes in event-driven simulation (enum integration).
 - `rtol`: Relative tolerance of the local error in event-driven simulation.
 - `atol`: Absolute tolerance of the local error in event-driven simulation.
 - `h_init`: First step of an event-driven simulation; 0: the library chooses.
 - `h_max`: Longest step of an event-driven simulation.
-- `max_steps`: Steps of an event-driven simulation at most, accepted and rejected.
-- `max_switches`: Switches an event-driven simulation keeps in its log at most; those beyond are counted only.
-- `zeno`: What an event-driven simulation does where switches accumulate (enum zeno_policy).
-- `ambiguity`: What an event-driven simulation does where the continuation is not unique (enum ambiguity_policy).
+- `max_steps`: Limit on the steps of an event-driven simulation, accepted and rejected.
+- `max_switches`: Limit on the switches in the log of an event-driven simulation; further ones are only counted.
+- `zeno`: Continuation of an event-driven simulation where switches accumulate (enum zeno_policy).
+- `ambiguity`: Continuation of an event-driven simulation where it is not unique (enum ambiguity_policy).
 - `dense`: Keep the dense output of an event-driven simulation (enum toggle).
 - `sensitivity`: Compute the derivatives of an event-driven simulation and of its switching times (enum sensitivity).
 - `adjoint`: Record an event-driven simulation for adjoint derivatives (enum toggle).
-- `explain`: Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle).
-- `adapt_tol`: Error at the ends of the control stages up to which finite elements are added to an optimal control problem; 0: the grid stays.
-- `adapt_rounds`: Grids at most that an optimal control problem is solved on, after the first one, when adapt_tol is positive.
-- `adapt_elements`: Finite elements at most of a grid that adapt_tol leads to, over all control stages.
-- `max_memory`: Bytes that building, solving or simulating may take at most; 0: as many as there are.
-- `ocp_start`: Where optimal control problems start from (enum ocp_start).
-- `portfolio`: Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).
-- `selection`: Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply. Where a rule has no weights between 0 and 1, an extreme one (enum selection).
+- `explain`: Compute by another solve the least violation of constraints that cannot be met (enum toggle).
+- `adapt_tol`: Error at the ends of the control stages down to which the grid of an optimal control problem is refined; 0: the grid stays.
+- `adapt_rounds`: Limit on the number of refined grids of an optimal control problem, when adapt_tol is positive.
+- `adapt_elements`: Limit on the finite elements of a refined grid over all control stages, when adapt_tol is positive.
+- `max_memory`: Limit on the bytes that building, solving or simulating may take; 0: no limit.
+- `ocp_start`: Search for the solution of an optimal control problem (enum ocp_start).
+- `portfolio`: Strategies for a program with complementarity constraints within its iterations (enum portfolio).
+- `selection`: Velocity of a sliding mode where surfaces meet and their effects multiply. Where the chosen rule has no weights between 0 and 1, an extreme velocity is taken (enum selection).
 """
 struct swb_settings
     struct_size::UInt64
