@@ -51,7 +51,9 @@ fn errors() -> String {
         let usable = match name {
             "solved" => "yes",
             "failed" => "no; the call returned the reason as status",
-            "max_time" | "stopped" => "the last iterate; of a search the best solution so far, where `cost` has a value",
+            "max_time" | "stopped" => {
+                "the last iterate; of a search the best solution so far, where `cost` has a value"
+            }
             "not_followed" => "a solution of the discretised problem that simulations of its controls do not follow",
             _ => "the last iterate",
         };
