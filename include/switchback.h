@@ -194,7 +194,7 @@ typedef int64_t swb_rk_family;
 #endif // __cplusplus
 
 /**
- * Complementarity form of what switches (option dcs_form).
+ * Complementarity form of switching terms (option dcs_form).
  */
 enum swb_dcs_form
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -2342,7 +2342,7 @@ typedef struct swb_settings {
      */
     int64_t mode_search;
     /**
-     * Complementarity form of what switches (enum dcs_form).
+     * Complementarity form of switching terms (enum dcs_form).
      */
     int64_t dcs_form;
     /**

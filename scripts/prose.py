@@ -129,8 +129,8 @@ def option_texts() -> list[tuple[str, str]]:
             name = entry[1]
         elif entry := re.match(r'text = "(.*)"', line):
             found.append((f"{table} {name}", entry[1]))
-        elif table == "enum" and (entry := re.match(r'\s+\["(\w+)", "(.*)"\],', line)):
-            found.append((f"value {entry[1]} of {name}", entry[2]))
+        elif table in ("enum", "view") and (entry := re.match(r'\s+\["(\w+)",(?: "[^"]*", "[^"]*",)? "(.*)"\],', line)):
+            found.append((f"{'value' if table == 'enum' else 'constant'} {entry[1]} of {name}", entry[2]))
     return found
 
 

@@ -40,7 +40,7 @@ impl RkFamily {
     }
 }
 
-/// Complementarity form of what switches (option dcs_form).
+/// Complementarity form of switching terms (option dcs_form).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DcsForm {
@@ -737,7 +737,7 @@ pub struct Settings {
     pub accuracy_tol: f64,
     /// Number of neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
     pub mode_search: i64,
-    /// Complementarity form of what switches (enum dcs_form).
+    /// Complementarity form of switching terms (enum dcs_form).
     pub dcs_form: i64,
     /// Largest number of factors in a product of the Heaviside form; longer products are lifted.
     pub lift_depth: i64,
@@ -1438,7 +1438,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(2.0),
         symbol: "",
-        doc: "Complementarity form of what switches (enum dcs_form).",
+        doc: "Complementarity form of switching terms (enum dcs_form).",
         setup_only: true,
         offset: offset_of!(Settings, dcs_form),
         get: |s| s.dcs_form as f64,

@@ -39,7 +39,7 @@ const SWB_RK_FAMILY_LOBATTO_IIIC = swb_rk_family(6)
 const NAMES_swb_rk_family = [:radau_iia => 0, :gauss_legendre => 1, :explicit => 2, :radau_ia => 3, :lobatto_iiia => 4, :lobatto_iiib => 5, :lobatto_iiic => 6]
 
 """
-Complementarity form of what switches (option dcs_form).
+Complementarity form of switching terms (option dcs_form).
 
 - `SWB_DCS_FORM_AUTO`: Chosen for each subsystem. Stewart's form, unless the Heaviside form has fewer pairs and no more variables, or controls alone decide some of its switching functions and not the others.
 - `SWB_DCS_FORM_STEWART`: One pair for each region.
@@ -1072,7 +1072,7 @@ table (`swb_option_range`).
 - `accuracy`: Compare a solution of optimal control with an event-driven simulation of its controls (enum toggle).
 - `accuracy_tol`: Relative and absolute tolerance of the simulation that the option accuracy compares a solution of optimal control with.
 - `mode_search`: Number of neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
-- `dcs_form`: Complementarity form of what switches (enum dcs_form).
+- `dcs_form`: Complementarity form of switching terms (enum dcs_form).
 - `lift_depth`: Largest number of factors in a product of the Heaviside form; longer products are lifted.
 - `integration`: Integration method of the modes in event-driven simulation (enum integration).
 - `rtol`: Relative tolerance of the local error in event-driven simulation.

@@ -223,7 +223,7 @@ def lists(record: dict) -> str:
     s = record["summary"]
     lines = []
     for key, words in (
-        ("only_peer", "Solved by IPOPT alone"), ("only_ours", "Solved by ours alone"), ("neither", "Solved by neither"),
+        ("only_peer", "Solved by IPOPT alone"), ("only_ours", "Solved by the library alone"), ("neither", "Solved by neither"),
         ("worse", "Objective worse than IPOPT's"), ("better", "Objective better than IPOPT's"),
     ):  # fmt: skip
         names = ", ".join(f"`{n}`" for n in s[key]) or "none"
