@@ -11,7 +11,7 @@ B           no step that is feasible to first order lowers the objective. Steps 
             variables; at pairs with two zero members either of them may grow, which is a mixed-integer linear program over
             all branches. A fall of more than 1e-4 of the largest one that the gradient allows refutes the claim.
 S           the same for the program in which both members may grow.
-infeasible  no such step lowers the violation of the rows, where it is measured as docs/mpcc.md says; and no solution is
+infeasible  no such step lowers the violation of the rows, where it is measured as docs/mpcc_method.md says; and no solution is
             known, nor found by IPOPT where `--ipopt-cache` has its answers, in whatever mode (`mpcc_train.py` writes it).
 
 A gradient counts from 1e-8 of its terms, the second derivatives of the objective times the variables (or 1): what is left
@@ -117,7 +117,7 @@ def best_step(at: Point, strong: bool) -> float | None:
 
 
 def weights(problem: Problem) -> np.ndarray:
-    """Those of the rows in the violation, as docs/mpcc.md says: powers of two that make the largest derivative at the start 1 to
+    """Those of the rows in the violation, as docs/mpcc_method.md says: powers of two that make the largest derivative at the start 1 to
     2, where a violation there counts by its 1024th part, and a function in a pair that has no derivatives by its value."""
     start = Point(problem, problem.x0)
     steepest = np.asarray(np.abs(start.jac).max(axis=1).todense()).ravel() if problem.rows else np.empty(0)
