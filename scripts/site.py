@@ -85,6 +85,7 @@ NAVIGATION = """
       - Architecture: dev/architecture.md
       - Modes from expressions: dev/algorithms/models.md
       - Event-driven simulation: dev/algorithms/events.md
+      - Derivatives: dev/algorithms/derivatives.md
       - Accumulating switches: dev/algorithms/accumulation.md
       - Contacts: dev/algorithms/contacts.md
       - Time stepping: dev/algorithms/time_stepping.md
