@@ -2,6 +2,7 @@
 # make examples  all examples, in C and Python: tables on the terminal, plots in out/
 # make benchmarks  the reports on accuracy and speed, and whether the figures on the pages are theirs; takes long
 # make site      the documentation as web pages, in build/site
+# make pictures  run the examples in Python and write the pictures of the gallery, docs/pictures/gallery
 # make check     everything that must hold before a commit; what .ci/run runs. Of a library without link-time optimisation, which two
 #                processors build in half of the time; make check PROFILE=release checks what is shipped
 # make quick     formatting, layers and unit tests, while one works: two minutes after a change of one line
@@ -33,7 +34,7 @@ LIBRARY = $(TARGET)/$(PROFILE)
 HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml --target-dir $(TARGET)/header --
 
 .NOTPARALLEL:
-.PHONY: all build demo examples benchmarks site check quick nightly install header docs deps clean fuzz \
+.PHONY: all build demo examples benchmarks site pictures check quick nightly install header docs deps clean fuzz \
 	demo-report demo-c demo-python stage stage-examples \
 	check-format check-lint check-rust check-header check-stage check-c check-examples check-pkgconfig check-python \
 	check-julia check-hostile check-crate
@@ -95,10 +96,13 @@ benchmarks: deps build
 
 site: deps
 	$(MAKE) wheel
-	$(VENV)/bin/python -c "import mkdocs" 2> /dev/null || \
-		$(VENV)/bin/pip install --quiet --disable-pip-version-check mkdocs
+	sh scripts/site_deps.sh $(BUILD)
 	$(VENV)/bin/python scripts/site.py $(BUILD)
 	$(VENV)/bin/python scripts/site_look.py $(BUILD)/site $(BUILD)/site_pictures
+
+pictures: deps
+	$(MAKE) wheel
+	$(VENV)/bin/python scripts/site_pictures.py docs/pictures/gallery
 
 # Rust: one program knows every example.
 demo-report:

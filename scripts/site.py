@@ -1,7 +1,8 @@
 """usage: site.py FOLDER    write the documentation as web pages into FOLDER/site, with MkDocs, without a network
 
-Pages are those of docs but the log, the READMEs, a gallery of the examples with pictures and code, and references of the interfaces (site_references.py; that of
-Rust is what `cargo doc` writes). Links to files that are no pages become plain text. Exits with 1 where a link of a page leads nowhere.
+Pages are those of docs but the log, the READMEs, a gallery of the examples with pictures and code, and references of the interfaces:
+site_references.py, Doxygen for C++, `cargo doc` for Rust. Links to files that are no pages become plain text. What the pages look like is in site.yml
+and site_files. Exits with 1 where a link of a page leads nowhere, or where a page needs the network.
 """
 
 import html.parser
@@ -10,13 +11,14 @@ import re
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 from urllib.parse import unquote, urldefrag
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))
 
-from site_references import c_reference, cpp_reference, julia_reference, python_reference  # noqa: E402
+from site_references import c_reference, julia_reference, python_reference  # noqa: E402
 
 # Sources of pages, and where they are in the site.
 PAGES = {
@@ -29,17 +31,19 @@ PAGES = {
     "docs/README.md": "overview.md",
     **{
         f"docs/{folder}/{p.name}": f"{folder}/{p.name}"
-        for folder in ("benchmarks", "dev", "dev/algorithms")
+        for folder in ("benchmarks", "dev", "dev/algorithms", "howto")
         for p in sorted((ROOT / "docs" / folder).glob("*.md"))
     },
 }
 
 NAVIGATION = """
-  - Start: index.md
-  - Overview: overview.md
-  - Tutorial:
+  - Start:
+      - Switchback: index.md
+      - Overview: overview.md
       - First hour: tutorial.md
-      - Gallery: gallery.md
+      - What to expect: expect.md
+      - Limits: limits.md
+      - Gallery: gallery/index.md
   - How to:
       - State a model: models.md
       - Simulate: simulation.md
@@ -49,16 +53,25 @@ NAVIGATION = """
       - Solve programs with complementarity constraints: mpcc.md
       - Use time-freezing: freezing.md
       - Come from other packages: coming_from.md
+      - Recipes:
+          - Pulse width modulation: howto/pwm.md
+          - Sampled controllers: howto/sampled.md
+          - Terminal events: howto/events.md
+          - Data as inputs: howto/data.md
+          - Estimation of parameters: howto/estimation.md
+          - A leg that hops: howto/leg.md
+          - An arm that touches: howto/arm.md
   - Reference:
       - Solutions of optimal control: ocp_results.md
       - Options: options.md
       - Errors: errors.md
       - Python: python.md
-      - Reference of Python: api_python.md
-      - Reference of C: api_c.md
-      - Reference of C++: api_cpp.md
+      - Reference of Python: api_python/index.md
+      - Reference of C: api_c/index.md
+      - C++: cpp.md
+      - Reference of C++: api_cpp/annotated.md
       - Julia: julia.md
-      - Reference of Julia: api_julia.md
+      - Reference of Julia: api_julia/index.md
       - Rust: rust.md
       - Glossary: glossary.md
   - Explanation:
@@ -104,13 +117,8 @@ NAVIGATION = """
       - Fuzzing: fuzz.md
 """
 
-#: Nothing is cut off at the right.
-STYLE = """
-.wy-nav-content { max-width: 1100px; }
-.rst-content pre code, .rst-content pre { white-space: pre-wrap; }
-.wy-table-responsive table td, .wy-table-responsive table th, .rst-content table td { white-space: normal !important; }
-.rst-content img { max-height: 640px; width: auto; }
-"""
+#: Made by site_references.py, pages by name.
+REFERENCES = {"c": c_reference, "julia": julia_reference, "python": python_reference}
 
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 
@@ -139,29 +147,37 @@ def rewritten(text: str, source: Path, target: str) -> str:
     return LINK.sub(link, text)
 
 
-def gallery(target: Path) -> str:
-    """The examples: pictures, and code in Python, C and Julia."""
-    parts = [
-        "# Gallery\n\nRun them with `python examples/python/NAME.py FOLDER`; `make examples` runs all of them and those in C. Pictures that "
-        "are missing here are drawn there.\n"
-    ]
-    pictures = [*(ROOT / "out").glob("*.svg"), *(ROOT / "docs").rglob("*.svg")]
-    (target / "gallery").mkdir()
+def start(text: str) -> str:
+    """The README with its title first, then its pictures, then the command that installs."""
+    pictures = re.search(r"\n(\|[^\n]*\n\|[-|]+\n\|[^\n]*!\[[^\n]*\n)", text)
+    drawn = pictures[1] if pictures else ""
+    text = text.replace(drawn, "", 1)
+    return re.sub(r"\A(```\n.*?\n```\n)\n(# [^\n]*\n)", lambda m: f"{m[2]}\n{drawn}\n{m[1]}", text, flags=re.S)
+
+
+def gallery() -> dict[str, str]:
+    """A page for every example: pictures, and code in Python, C and Julia. The first page has a picture of each."""
+    kept = ROOT / "docs" / "pictures" / "gallery"
+    pages, tiles = {}, []
     for script in sorted((ROOT / "examples" / "python").glob("*.py")):
-        code = script.read_text(encoding="utf-8")
+        code, name = script.read_text(encoding="utf-8"), script.stem.replace("_", " ")
         first, _, rest = code.split('"""')[1].partition("\n\n")
-        about = rest.split("usage:")[0].strip()
-        parts.append(f"## {script.stem.replace('_', ' ')}\n\n{' '.join(first.split())}\n\n```text\n{about}\n```\n")
-        stems = (f"python_{script.stem}", script.stem, f"{script.stem}-", f"gallery-{script.stem.replace('_', '-')}")
-        for picture in [p for p in pictures if p.stem.startswith(stems)][:2]:
-            shutil.copyfile(picture, target / "gallery" / picture.name)
-            parts.append(f"![{script.stem}](gallery/{picture.name})\n")
-        parts.append(f"<details markdown><summary>Python</summary>\n\n```python\n{code}\n```\n\n</details>\n")
+        about, pictures = rest.split("usage:")[0].strip(), sorted(kept.glob(f"{script.stem}-*.png"))
+        parts = [f"# {name.capitalize()}\n\n{' '.join(first.split())}\n\n" + (f"```text\n{about}\n```\n" if about else "")]
+        parts += [f"![{name}](../pictures/gallery/{picture.name})\n" for picture in pictures]
+        parts.append(f"`python examples/python/{script.name} FOLDER` draws this.\n\n```python\n{code}\n```\n")
         for language, other in (("C", ROOT / "examples" / "c" / f"{script.stem}.c"), ("Julia", ROOT / "bindings" / "julia" / "examples" / f"{script.stem}.jl")):
             if other.is_file():
-                own = other.read_text(encoding="utf-8")
-                parts.append(f"<details markdown><summary>{language}</summary>\n\n```{language.lower()}\n{own}\n```\n\n</details>\n")
-    return "\n".join(parts)
+                parts.append(f'??? example "{language}"\n\n{indented(language.lower(), other.read_text(encoding="utf-8"))}')
+        pages[script.stem] = "\n".join(parts)
+        picture = f"![{name}](../pictures/gallery/{pictures[0].name})" if pictures else ""
+        tiles.append(f"-   [{picture}<br>**{name}**]({script.stem}.md)<br>{' '.join(first.split())}\n")
+    head = "---\nhide: [toc]\n---\n\n# Gallery\n\nEvery example is a program that runs. `make examples` runs all of them, and those in C.\n\n"
+    return {"index": f"{head}<div class=\"grid cards\" markdown>\n\n" + "\n".join(tiles) + "\n</div>\n", **pages}
+
+
+def indented(language: str, code: str) -> str:
+    return textwrap.indent(f"```{language}\n{code}\n```\n", "    ")
 
 
 class Links(html.parser.HTMLParser):
@@ -171,9 +187,14 @@ class Links(html.parser.HTMLParser):
         super().__init__()
         self.addresses: list[str] = []
         self.anchors: set[str] = set()
+        #: What is loaded with the page from elsewhere.
+        self.fetched: list[str] = []
 
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        loads = tag in ("script", "img", "iframe") or (tag == "link" and dict(attributes).get("rel") in ("stylesheet", "preconnect", "icon"))
         for key, value in attributes:
+            if loads and key in ("href", "src") and value and re.match(r"https?:|//", value):
+                self.fetched.append(value)
             if key in ("href", "src") and value:
                 self.addresses.append(value)
             if key in ("id", "name") and value:
@@ -191,6 +212,7 @@ def broken(site: Path) -> list[str]:
         # cargo doc looks at its own links
         if page.name == "404.html" or page.is_relative_to(site / "rust_api"):
             continue
+        found += [f"{page.relative_to(site)} needs the network: {address}" for address in links.fetched]
         for address in links.addresses:
             path, anchor = urldefrag(address)
             if re.match(r"[a-z]+:", address) or address.startswith("//"):
@@ -215,39 +237,49 @@ def rust_reference(folder: Path, site: Path) -> None:
     page.write_text(page.read_text(encoding="utf-8").replace("RUST_API", "rust_api/switchback/index.html"), encoding="utf-8")
 
 
+def navigation(pages: dict[str, list[str]]) -> str:
+    """NAVIGATION with all pages of a folder that is made here below the first one."""
+
+    def expand(match: re.Match[str]) -> str:
+        space, title, folder = match.groups()
+        return f"{space}- {title}:\n" + "\n".join(f"{space}    - {folder}/{page}.md" for page in ["index", *(p for p in pages[folder] if p != "index")])
+
+    return re.sub(r"^( *)- ([^:]+): (api_\w+|gallery)/index\.md$", expand, NAVIGATION, flags=re.M)
+
+
 def main() -> int:
     folder = Path(sys.argv[1]).resolve()
     source, site = folder / "site_source", folder / "site"
     for old in (source, site):
         shutil.rmtree(old, ignore_errors=True)
-    source.mkdir(parents=True)
-    for picture in (ROOT / "docs").rglob("*.svg"):
+    shutil.copytree(ROOT / "scripts" / "site_files", source)
+    shutil.copytree(folder / "katex", source / "katex")
+    for picture in [p for p in (ROOT / "docs").rglob("*") if p.suffix in (".svg", ".png")]:
         place = source / picture.relative_to(ROOT / "docs")
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(picture, place)
-    for name, target in PAGES.items():
-        place = source / target
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_text(rewritten((ROOT / name).read_text(encoding="utf-8"), ROOT / name, target), encoding="utf-8")
-    references = {"c": c_reference, "cpp": cpp_reference, "julia": julia_reference, "python": python_reference}
-    for language, reference in references.items():
-        (source / f"api_{language}.md").write_text(reference(), encoding="utf-8")
-    (source / "gallery.md").write_text(gallery(source), encoding="utf-8")
-    (source / "wide.css").write_text(STYLE, encoding="utf-8")
+    texts = {target: rewritten((ROOT / name).read_text(encoding="utf-8"), ROOT / name, target) for name, target in PAGES.items()}
+    texts["index.md"] = start(texts["index.md"])
+    made = {"gallery": gallery(), **{f"api_{language}": reference() for language, reference in REFERENCES.items()}}
+    texts |= {f"{place}/{name}.md": text for place, pages in made.items() for name, text in pages.items()}
+    for target, text in texts.items():
+        (source / target).parent.mkdir(parents=True, exist_ok=True)
+        (source / target).write_text(text, encoding="utf-8")
     settings = folder / "mkdocs.yml"
-    settings.write_text(
-        f"site_name: switchback\ndocs_dir: {source}\nsite_dir: {site}\nuse_directory_urls: false\n"
-        "theme:\n  name: readthedocs\n  highlightjs: false\n  include_homepage_in_sidebar: false\n"
-        "extra_css: [wide.css]\n"
-        "markdown_extensions: [md_in_html, tables, fenced_code, toc]\nplugins: [search]\n"
-        f"nav:{NAVIGATION}",
-        encoding="utf-8",
-    )
-    subprocess.run([sys.executable, "-m", "mkdocs", "build", "--quiet", "--config-file", str(settings)], check=True)
+    order = navigation({place: list(pages) for place, pages in made.items()})
+    settings.write_text(f"INHERIT: {ROOT / 'scripts' / 'site.yml'}\ndocs_dir: {source}\nsite_dir: {site}\nnav:{order}", encoding="utf-8")
+    places = {
+        "SITE_PYTHON": ROOT / "bindings" / "python" / "src",
+        "SITE_DOCSTRINGS": ROOT / "scripts" / "site_docstrings.py",
+        "SITE_INCLUDE": ROOT / "include",
+    }
+    environment = {**os.environ, **{name: str(place) for name, place in places.items()}, "NO_MKDOCS_2_WARNING": "1"}
+    subprocess.run([sys.executable, "-m", "mkdocs", "build", "--quiet", "--config-file", str(settings)], check=True, env=environment)
     rust_reference(folder, site)
     lost = broken(site)
     print("\n".join(f"broken link: {b}" for b in lost))
-    print(f"{len(list(site.rglob('*.html')))} pages: {site / 'index.html'}")
+    size = sum(f.stat().st_size for f in site.rglob("*") if f.is_file())
+    print(f"{len(list(site.rglob('*.html')))} pages, {size / 1e6:.1f} MB: {site / 'index.html'}")
     return 1 if lost else 0
 
 

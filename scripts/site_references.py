@@ -1,4 +1,7 @@
-"""The references of the site, made of what is in the sources: api.json for C, comments for C++, docstrings for Python and Julia."""
+"""The references of the site, a page for each object or module, made of what is in the sources: api.json for C, docstrings for Python and Julia.
+
+That of C++ is made by Doxygen. The reference of C is not: api.json knows shapes, directions, ownership and threads, which comments have in words only.
+"""
 
 from __future__ import annotations
 
@@ -11,53 +14,71 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tools" / "api"))
 
-from api import Api, Function, Type, load  # noqa: E402
+from api import Function, Type, load  # noqa: E402
 
 WHOSE = {"new": "yours, free it", "shared": "shared", "exclusive": "exclusive", "freed": "freed"}
+#: Where a name of the interface in C is described.
+Places = dict[str, str]
 
 
-def c_reference() -> str:
-    """Objects with their functions, functions of no object, structs, callbacks, enumerations."""
+def c_reference() -> dict[str, str]:
+    """Pages by name: objects with their functions, functions of no object, structs, callbacks, enumerations."""
     api = load((ROOT / "include" / "api.json").read_text(encoding="utf-8"))
     by_length = sorted(api.objects, key=len, reverse=True)
-    groups: dict[str, list[Function]] = {}
+    groups: dict[str, list[Function]] = {name: [] for name in sorted(api.objects)}
+    groups["functions"] = []
     for f in api.functions.values():
-        own = next((o for o in by_length if f.name.startswith(o + "_")), "")
-        groups.setdefault(own, []).append(f)
-    contents = ", ".join(f"[{o}](#{o})" for o in sorted(groups) if o)
-    parts = [
-        "# Reference of C\n\nMade from `include/api.json`; the conventions (status codes, ownership, threads, callbacks) are those at the top of "
-        "`switchback.h`. An object that is *shared* may be used by several threads at once, one that is *exclusive* by one.\n\n"
-        f"Objects: {contents}. [Other functions](#other-functions), [structs](#structs), [callbacks](#callbacks), "
-        "[enumerations](#enumerations).\n"
-    ]
-    for group in sorted(groups, key=lambda g: (not g, g)):
-        parts.append(f"## {group or 'Other functions'}\n\n{linked(api, api.objects.get(group, ''))}\n")
-        parts += [c_function(api, f) for f in groups[group]]
-    parts.append("## Structs\n")
+        groups[next((o for o in by_length if f.name.startswith(o + "_")), "functions")].append(f)
+    places: Places = {o: o for o in api.objects}
+    places |= {f.name: group for group, functions in groups.items() for f in functions}
+    for page, names in (("structs", api.records), ("callbacks", api.callbacks), ("enumerations", api.enums)):
+        places |= dict.fromkeys(names, page)
+    pages = {}
+    for group, functions in groups.items():
+        about = linked(places, api.objects[group]) if group in api.objects else "Functions that belong to no object."
+        parts = [f"# {group}\n\n{about}\n\n" + table("function", [(f.name, first_sentence(linked(places, f.doc))) for f in functions])]
+        pages[group] = "\n".join(parts + [c_function(places, f) for f in functions])
+    parts = ["# Structs\n\n" + table("struct", [(r.name, first_sentence(linked(places, r.doc))) for r in api.records.values()])]
     for record in api.records.values():
-        rows = [f"| `{declared(api, f.type)}{f.name}` | {cell(linked(api, f.doc))} |" for f in record.fields]
-        parts.append(f"### {record.name}\n\n{linked(api, record.doc)}\n\n| field | |\n|---|---|\n" + "\n".join(rows) + "\n")
-    parts.append("## Callbacks\n")
-    parts += [c_function(api, f, callback=True) for f in api.callbacks.values()]
-    parts.append("## Enumerations\n")
+        rows = [f"| `{declared(f.type)}{f.name}` | {cell(linked(places, f.doc))} |" for f in record.fields]
+        parts.append(f"## {record.name}\n\n{linked(places, record.doc)}\n\n| field | |\n|---|---|\n" + "\n".join(rows) + "\n")
+    pages["structs"] = "\n".join(parts)
+    pages["callbacks"] = "\n".join(["# Callbacks\n"] + [c_function(places, f, callback=True) for f in api.callbacks.values()])
+    parts = ["# Enumerations\n\n" + table("enumeration", [(e.name, first_sentence(linked(places, e.doc))) for e in api.enums.values()])]
     for enum in api.enums.values():
-        rows = [f"| `{name}` | {value} | {cell(linked(api, doc))} |" for name, value, doc in enum.values]
-        parts.append(f"### {enum.name}\n\n{linked(api, enum.doc)}\n\n| name | number | |\n|---|---|---|\n" + "\n".join(rows) + "\n")
-    return "\n".join(parts)
+        rows = [f"| `{name}` | {value} | {cell(linked(places, doc))} |" for name, value, doc in enum.values]
+        parts.append(f"## {enum.name}\n\n{linked(places, enum.doc)}\n\n| name | number | |\n|---|---|---|\n" + "\n".join(rows) + "\n")
+    pages["enumerations"] = "\n".join(parts)
+    objects = [f"| [{o}]({o}.md) | {cell(first_sentence(linked(places, api.objects[o])))} | {len(groups[o])} |" for o in sorted(api.objects)]
+    pages["index"] = (
+        "# Reference of C\n\nMade from `include/api.json`. The conventions (status codes, ownership, threads, callbacks) are those at the top of "
+        "`switchback.h`. An object that is *shared* may be used by several threads at once. One that is *exclusive* may be used by one.\n\n"
+        "| object | | functions |\n|---|---|---|\n" + "\n".join(objects) + "\n\n[Functions that belong to no object](functions.md) · "
+        "[structs](structs.md) · [callbacks](callbacks.md) · [enumerations](enumerations.md)\n"
+    )
+    return pages
 
 
-def declared(api: Api, of: Type) -> str:
+def table(what: str, rows: list[tuple[str, str]]) -> str:
+    """Names of a page with what they are, in short."""
+    return f"| {what} | |\n|---|---|\n" + "\n".join(f"| [{name}](#{name}) | {cell(about)} |" for name, about in rows) + "\n"
+
+
+def first_sentence(text: str) -> str:
+    return re.split(r"(?<=[.:])\s|\n\n|@", text.strip())[0].rstrip(":")
+
+
+def declared(of: Type) -> str:
     """A type in front of a name, as C has it."""
     const = "const " if of.const else ""
     return f"{const}{of.base} {'*' * of.stars}"
 
 
-def c_function(api: Api, f: Function, callback: bool = False) -> str:
-    arguments = [f"{declared(api, p.type)}{p.name}" for p in f.parameters]
-    head = f"{declared(api, f.result)}{'(*' + f.name + ')' if callback else f.name}("
+def c_function(places: Places, f: Function, callback: bool = False) -> str:
+    arguments = [f"{declared(p.type)}{p.name}" for p in f.parameters]
+    head = f"{declared(f.result)}{'(*' + f.name + ')' if callback else f.name}("
     line = head + ", ".join(arguments or ["void"]) + ");"
-    if len(line) > 110:
+    if len(line) > 80:
         line = head + "\n    " + ",\n    ".join(arguments) + ");"
     about, _, rest = f.doc.partition("@param")
     rest = rest.partition("@return")[2]
@@ -69,71 +90,25 @@ def c_function(api: Api, f: Function, callback: bool = False) -> str:
         if p.name in lengths and not p.doc:
             continue  # the shape of its array says it
         notes = [p.direction or "", f"`[{p.shape}]`" if p.shape else "", WHOSE.get(p.object or "", ""), "NULL allowed" if p.nullable else ""]
-        rows.append(f"| `{p.name}` | {', '.join(n for n in notes if n)} | {cell(linked(api, p.doc))} |")
-    table = "| argument | | |\n|---|---|---|\n" + "\n".join(rows) + "\n" if any(p.doc or p.shape or p.object for p in f.parameters) else ""
-    end = f"\nReturns {linked(api, returns)}\n" if returns else ""
-    return f"### {f.name}\n\n```c\n{line}\n```\n\n{linked(api, about.strip())}\n\n{table}{end}"
+        rows.append(f"| `{p.name}` | {', '.join(n for n in notes if n)} | {cell(linked(places, p.doc))} |")
+    arguments_table = "| argument | | |\n|---|---|---|\n" + "\n".join(rows) + "\n" if any(p.doc or p.shape or p.object for p in f.parameters) else ""
+    end = f"\nReturns {linked(places, returns)}\n" if returns else ""
+    return f"## {f.name}\n\n```c\n{line}\n```\n\n{linked(places, about.strip())}\n\n{arguments_table}{end}"
 
 
 def cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|")
 
 
-def linked(api: Api, text: str) -> str:
+def linked(places: Places, text: str) -> str:
     """Names of the interface as links to where they are described; stars and angles as they are."""
     text = re.sub(r"([*<>])", r"\\\1", text)
-    known = {*api.functions, *api.records, *api.callbacks, *api.enums, *api.objects}
-    return re.sub(r"\bswb_\w+\b", lambda m: f"[{m[0]}](#{m[0]})" if m[0] in known else f"`{m[0]}`", text)
+    return re.sub(r"\bswb_\w+\b", lambda m: f"[{m[0]}]({places[m[0]]}.md#{m[0]})" if m[0] in places else f"`{m[0]}`", text)
 
 
-def cpp_reference() -> str:
-    """Classes of the headers with the comments of their public members."""
-    parts = ["# Reference of C++\n\nMade from the comments of the header-only interface; everything is in the namespace `swb`.\n"]
-    for name in ("switchback.hpp", "switchback_expr.hpp"):
-        parts.append(f"## {name}\n")
-        text = (ROOT / "include" / name).read_text(encoding="utf-8")
-        first = re.match(r"/\*(.*?)\*/", text, flags=re.S)
-        parts.append(re.sub(r"\n \* ?", "\n", first[1]).strip() + "\n" if first else "")
-        text = re.sub(r"namespace detail \{.*?\n\}(?: // namespace detail)?\n", "", text, flags=re.S)
-        for about, kind, title, body in re.findall(r"((?:^/// ?[^\n]*\n)+)(class|struct) (\w+)[^\n;]*\{\n(.*?)^\};", text, flags=re.S | re.M):
-            parts.append(f"### swb::{title}\n\n{plain(about)}\n")
-            parts += [f"```cpp\n{declaration}\n```\n\n{doc}\n" for declaration, doc in members(body, kind == "struct")]
-    return "\n".join(parts)
-
-
-def plain(comment: str) -> str:
-    return re.sub(r"^\s*/// ?", "", comment, flags=re.M).strip()
-
-
-def members(body: str, public: bool) -> list[tuple[str, str]]:
-    """Public declarations of a class with their comments; those without one are named as well."""
-    found, about, lines = [], [], body.splitlines()
-    at = 0
-    while at < len(lines):
-        line = lines[at]
-        at += 1
-        if re.match(r"(public|private|protected):", line):
-            public, about = line.startswith("public"), []
-        elif line.startswith("    ///"):
-            about.append(line)
-        elif public and re.match(r"    [\w~]", line):
-            declaration = [line[4:]]
-            while not re.search(r"[{;]\s*$|\}\s*$|[{;]", declaration[-1]) and at < len(lines):
-                declaration.append(lines[at][4:])
-                at += 1
-            whole = "\n".join(declaration)
-            whole = re.split(r"\s*\{|\n?\s*:\s+(?=\w+[({])|;", whole)[0].rstrip()
-            if "(" in whole and not whole.startswith(("using ", "friend ", "static_assert")):
-                found.append((whole + ";", plain("\n".join(about))))
-            about = []
-        else:
-            about = about if line.startswith("     ") else []
-    return found
-
-
-def julia_reference() -> str:
-    """Docstrings of the package, file by file."""
-    parts = ["# Reference of Julia\n\nMade from the docstrings of the package; they are shown by `?` as well.\n"]
+def julia_reference() -> dict[str, str]:
+    """Docstrings of the package, a page for each file."""
+    pages = {}
     for file in sorted((ROOT / "bindings" / "julia" / "src").glob("*.jl")):
         if file.name in ("Lib.jl", "Switchback.jl"):
             continue
@@ -146,40 +121,43 @@ def julia_reference() -> str:
                 continue
             rest = doc[len(head) :].strip().replace("\\\\", "\\").replace('\\"', '"').replace("\\$", "$")
             code = "\n".join(line.removeprefix("    ") for line in head.splitlines())
-            found.append(f"### {name[1].split('.')[-1]}\n\n" + (f"```julia\n{code}\n```\n\n" if code else "") + rest + "\n")
+            found.append((name[1].split(".")[-1], (f"```julia\n{code}\n```\n\n" if code else "") + rest + "\n"))
         if found:
-            parts.append(f"## {file.stem.replace('_', ' ').capitalize()}\n")
-            parts += found
-    return "\n".join(parts)
+            title = file.stem.replace("_", " ").capitalize()
+            pages[file.stem.lower()] = f"# {title}\n\n" + "\n".join(f"## {name}\n\n{about}" for name, about in found)
+    titles = [f"| [{text.splitlines()[0][2:]}]({page}.md) | {', '.join(re.findall('^## (.*)', text, flags=re.M))} |" for page, text in pages.items()]
+    pages["index"] = (
+        "# Reference of Julia\n\nMade from the docstrings of the package. `?` shows them as well.\n\n| page | |\n|---|---|\n" + "\n".join(titles) + "\n"
+    )
+    return pages
 
 
-def signature(f: object) -> str:
-    try:
-        text = str(inspect.signature(f))
-    except (TypeError, ValueError):
-        return "(...)"
-    return re.sub(r"'([^']*)'", r"\1", text)
-
-
-def python_reference() -> str:
-    """Classes and functions of the package from their docstrings."""
-    swb = importlib.import_module("switchback_control")
-    parts = ["# Reference of Python\n\nMade from the docstrings of the package.\n"]
-    for name in sorted(swb.__all__, key=str.lower):
-        thing = getattr(swb, name)
-        if inspect.ismodule(thing):
-            continue
-        text = inspect.getdoc(thing) or ""
-        if inspect.isclass(thing):
-            parts.append(f"## {name}\n\n```text\n{text}\n```\n")
-            for method, member in vars(thing).items():
-                function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
-                if method.startswith("_") or not (inspect.isfunction(function) and inspect.getdoc(function)):
-                    continue
-                call = "" if isinstance(member, property) else signature(function).replace("(self, ", "(").replace("(self)", "()")
-                parts.append(f"**{name}.{method}**`{call or ' '}`\n\n{inspect.getdoc(function)}\n")
-        elif callable(thing):
-            parts.append(f"## {name}\n\n`{name}{signature(thing)}`\n\n```text\n{text}\n```\n")
-        else:
-            parts.append(f"## {name}\n\nA {type(thing).__name__}.\n")
-    return "\n".join(parts)
+def python_reference() -> dict[str, str]:
+    """Pages that mkdocstrings fills: one for each module, with the names of it that the package exports."""
+    package = importlib.import_module("switchback_control")
+    groups: dict[str, dict[str, list[str]]] = {}
+    for name in sorted({*package.__all__} - {"casadi", "expr"}, key=str.lower):
+        thing = getattr(package, name)
+        if not hasattr(thing, "__qualname__"):
+            continue  # a version, a path
+        module = thing.__module__.split(".")[-1]
+        page = {"_ffi": "enumerations"}.get(module, "other" if module.startswith("_") else module)
+        groups.setdefault(page, {}).setdefault(module, []).append(thing.__qualname__)
+    for module in ("expr", "casadi", "jax", "torch"):
+        source = (ROOT / "bindings" / "python" / "src" / "switchback_control" / f"{module}.py").read_text(encoding="utf-8")
+        listed = re.search(r"__all__ = \[(.*?)\]", source, flags=re.S)
+        groups[module] = {module: re.findall(r'"(\w+)"', listed[1]) if listed else []}
+    pages, rows = {}, []
+    for page, modules in sorted(groups.items()):
+        parts, links = [f"# {page.capitalize()}\n"], []
+        for module, names in modules.items():
+            path = f"switchback_control.{module}"
+            parts.append(f"::: {path}\n    options:\n      members:" + "".join(f"\n        - {name}" for name in names) + "\n")
+            links += [f"[{name}]({page}.md#{path}.{name})" for name in names]
+        pages[page] = "\n".join(parts)
+        rows.append(f"| [{page}]({page}.md) | {', '.join(links)} |")
+    pages["index"] = (
+        "# Reference of Python\n\nMade from the docstrings of the package. Names are those of `import switchback_control as swb`. Those of the "
+        "modules `casadi`, `jax` and `torch`, and some of `expr`, have the name of their module in front.\n\n| page | names |\n|---|---|\n" + "\n".join(rows) + "\n"
+    )
+    return pages

@@ -3,9 +3,12 @@
 17 differential states of generator (Kundur), governor DEGOV1 and voltage regulator AC5A; 18 algebraic states of the machine and the
 network, either in the integrator ("dae") or eliminated in closed form ("ode"). Everything is per unit on 325 kVA; data of
 the OpenIPSL diesel set, CIM and IEEE 421.5 typical values. The costs are those of another implementation of the same schemes.
+
+usage: diesel.py FOLDER_FOR_PLOTS [--quick]
 """
 
 import sys
+from pathlib import Path
 
 import numpy as np
 
@@ -233,7 +236,7 @@ def true_load(k, ts):
 
 
 def run(n, form, scheme, level="d", inner=1, ideal=False, **options):
-    """The closed loop over 8 s: cost, monitor, seconds of preparation and feedback. `ideal`: the next state is known."""
+    """The closed loop over 8 s: cost, monitor, seconds of preparation and feedback, states. `ideal`: the next state is known."""
     ts = 10.0 / n
     for name, load in LOADS.items():
         STEADY_INPUTS[name] = tuple(steady(load)[1])
@@ -243,7 +246,7 @@ def run(n, form, scheme, level="d", inner=1, ideal=False, **options):
     ocp.set_state_guess([0.0], [start])
     ocp.set_control_guess(np.tile(u, (n, 1)))
     ocp.set_params([*LOADS["start"], *u])
-    plant, times = Plant(ts), []
+    plant, times, states = Plant(ts), [], [x]
     with swb.Nmpc(ocp, scheme, level, inner, **options) as c:
         c.set_params(believed(0, ts, n))
         c.initialise(x)
@@ -254,17 +257,29 @@ def run(n, form, scheme, level="d", inner=1, ideal=False, **options):
             c.finish()
             times.append((prepared.time, info.time))
             x = plant(x, u, true_load(k, ts), k * ts)
-        return plant.cost, c.monitor, np.array(times)
+            states.append(x)
+        return plant.cost, c.monitor, np.array(times), np.array(states)
 
 
 def main():
+    import matplotlib.pyplot as plt
+
     quick = "--quick" in sys.argv
+    folder = Path(next((a for a in sys.argv[1:] if not a.startswith("-")), "."))
+    folder.mkdir(parents=True, exist_ok=True)
+    figure, ax = plt.subplots(figsize=(8, 4), layout="constrained")
     table = [("rti", "d", 0, 0.00553285), ("as_rti", "d", 1, 0.00304997), ("as_rti", "d", 2, 0.0030377), ("asc", "d", 60, 0.00301974)]
     for n, form, rows in ((50, "ode", table), (50, "dae", table[:2]), (40, "dae", [("rti", "d", 0, 0.0070286), ("as_rti", "d", 1, 0.0042589)])):
         for scheme, level, inner, known in rows[: 1 if quick else None]:
-            cost, monitor, times = run(n, form, scheme, level, inner, ideal=scheme == "asc")
+            cost, monitor, times, states = run(n, form, scheme, level, inner, ideal=scheme == "asc")
             prep, feed = 1e3 * np.median(times, axis=0)
             print(f"N={n} {form} {scheme:7}{level}-{inner}: J = {cost:.8f} (known {known:.8f}), prepare {prep:.2f} ms, feedback {feed:.4f} ms")
+            if (n, form) == (50, "ode"):
+                ax.plot(np.linspace(0, 8, len(states)), states[:, 0], label=f"{scheme} {level}-{inner}")
+    ax.set_xlabel("time in s: the load is lost at 1 s and rises at 4 s")
+    ax.set_ylabel("speed of the generator")
+    ax.legend()
+    figure.savefig(folder / "python_diesel.svg")
 
 
 if __name__ == "__main__":

@@ -2,8 +2,11 @@
 
 Every function returns a model, its initial state, a duration, and the controls.
 
-usage: gallery.py
+usage: gallery.py FOLDER_FOR_PLOTS
 """
+
+import sys
+from pathlib import Path
 
 import numpy as np
 
@@ -113,8 +116,13 @@ GALLERY = (
 
 
 def main():
+    import matplotlib.pyplot as plt
+
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+    folder.mkdir(parents=True, exist_ok=True)
+    figure, axes = plt.subplots(5, 2, figsize=(9, 11), layout="constrained")
     print(f"{'model':15} {'groups':>6} {'psi':>4} {'modes':>6} {'pairs':>6} {'switches':>9}  end")
-    for make in GALLERY:
+    for make, ax in zip(GALLERY, axes.flat):
         model, x0, duration, u = make()
         r = swb.simulate_fesd(model.system(), x0, duration, n_steps=40, n_s=3, n_fe=3, u=u or None)
         c = model.counts()
@@ -124,6 +132,10 @@ def main():
             f"{make.__name__:15} {c.subsystems:6} {c.switching_functions:4} {c.regions:6} {c.pairs:6} {switches:9}"
             f"  {end} {r.message}"
         )
+        t = np.linspace(0, duration, 600)
+        ax.plot(t, r.trajectory(t))
+        ax.set_title(make.__name__)
+    figure.savefig(folder / "python_gallery.svg")
 
 
 if __name__ == "__main__":

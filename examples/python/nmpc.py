@@ -1,4 +1,10 @@
-"""Swing-up of a pendulum by feedback in real time: schemes of chapter 10 beside each other, with noise and kicks."""
+"""Swing-up of a pendulum by feedback in real time: schemes of chapter 10 beside each other, with noise and kicks.
+
+usage: nmpc.py FOLDER_FOR_PLOTS
+"""
+
+import sys
+from pathlib import Path
 
 import numpy as np
 
@@ -47,6 +53,11 @@ def cost(x, u, t):
 
 
 def main():
+    import matplotlib.pyplot as plt
+
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+    folder.mkdir(parents=True, exist_ok=True)
+    figure, (angles, forces) = plt.subplots(2, 1, sharex=True, figsize=(8, 6), layout="constrained")
     m = model()
     ocp, noise = problem(m), disturbances()
     print(f"{'scheme':12} {'cost':>10} {'preparation':>12} {'feedback':>9} {'worst':>7}   (microseconds)")
@@ -67,6 +78,13 @@ def main():
             f"{name:12} {loop.cost:10.5f} {us * np.median(loop.preparation):12.1f} {us * np.median(loop.feedback):9.2f} "
             f"{us * loop.feedback.max():7.1f}"
         )
+        angles.plot(loop.t, loop.x[:, 1], label=name)
+        forces.step(loop.t[:-1], loop.u[:, 0], where="post")
+    angles.set_ylabel("angle")
+    angles.legend(ncols=4, fontsize="small")
+    forces.set_ylabel("force")
+    forces.set_xlabel("time")
+    figure.savefig(folder / "python_nmpc.svg")
     return loop
 
 

@@ -181,7 +181,7 @@ class Tracking:
 def diesel_loop(name, scheme, level, inner):
     _, n, form = name.split()
     ideal, scheme, options = SCHEMES.get(scheme, (False, scheme, {}))
-    cost, _, times = diesel.run(int(n), form, scheme, level, inner, ideal=ideal, **options)
+    cost, _, times, _ = diesel.run(int(n), form, scheme, level, inner, ideal=ideal, **options)
     return cost, times
 
 
