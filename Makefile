@@ -2,7 +2,7 @@
 # make examples  all examples, in C and Python: tables on the terminal, plots in out/
 # make benchmarks  the reports on accuracy and speed, and whether the figures on the pages are theirs; takes long
 # make site      the documentation as web pages, in build/site
-# make pictures  run the examples in Python and write the pictures of the gallery, docs/pictures/gallery
+# make pictures  run the examples in Python and the recipes, and write their pictures into docs/pictures
 # make check     everything that must hold before a commit; what .ci/run runs. Of a library without link-time optimisation, which two
 #                processors build in half of the time; make check PROFILE=release checks what is shipped
 # make quick     formatting, layers and unit tests, while one works: two minutes after a change of one line
@@ -102,7 +102,7 @@ site: deps
 
 pictures: deps
 	$(MAKE) wheel
-	$(VENV)/bin/python scripts/site_pictures.py docs/pictures/gallery
+	$(VENV)/bin/python scripts/site_pictures.py docs/pictures
 
 # Rust: one program knows every example.
 demo-report:

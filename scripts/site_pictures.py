@@ -1,10 +1,12 @@
-"""usage: site_pictures.py FOLDER [NAME ...]    run the examples in Python and keep small pictures of what they draw in FOLDER
+"""usage: site_pictures.py FOLDER [NAME ...]    run examples in Python and recipes, and keep small pictures of what they draw
 
-All examples without names. A picture is called NAME-PICTURE.png. It is 720 pixels wide and has 64 colours, which plots do not exceed. Of an
-animation the first, the middle and the last picture are kept. An example that takes more than LIMIT seconds, or draws nothing, is said.
+NAME is an example or a recipe (a page of docs/howto); without names all are run. Pictures of examples are FOLDER/gallery/NAME-PICTURE.png, that of a
+recipe is FOLDER/NAME.png. They are 720 pixels wide and have 64 colours, which plots do not exceed. Of an animation the first, the middle and the last
+picture are kept. What takes more than LIMIT seconds, or draws nothing, is said.
 """
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -13,7 +15,8 @@ from pathlib import Path
 
 from PIL import Image
 
-EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "python"
+ROOT = Path(__file__).resolve().parents[1]
+EXAMPLES, RECIPES = ROOT / "examples" / "python", ROOT / "docs" / "howto"
 WIDTH = 720
 LIMIT = 600
 #: Figures are written as pixels whatever an example asks for.
@@ -47,28 +50,40 @@ def shown(drawn: Path) -> Image.Image:
     return whole.resize((WIDTH, round(whole.height * WIDTH / whole.width)), Image.Resampling.LANCZOS) if whole.width > WIDTH else whole
 
 
+def blocks(page: Path, place: Path) -> Path:
+    """The code of a recipe as a script."""
+    script = place / f"{page.stem}.py"
+    script.write_text("\n".join(re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S)), encoding="utf-8")
+    return script
+
+
 def main() -> int:
     folder = Path(sys.argv[1]).resolve()
-    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "gallery").mkdir(parents=True, exist_ok=True)
+    every = {p.stem: p for p in [*sorted(EXAMPLES.glob("*.py")), *sorted(RECIPES.glob("*.md"))]}
     failed = []
-    for script in [EXAMPLES / f"{name}.py" for name in sys.argv[2:]] or sorted(EXAMPLES.glob("*.py")):
+    for name, source in [(name, every[name]) for name in sys.argv[2:] or every]:
         start = time.monotonic()
-        with tempfile.TemporaryDirectory() as place:
+        with tempfile.TemporaryDirectory() as temporary:
+            place, recipe = Path(temporary), source.suffix == ".md"
+            script = blocks(source, place) if recipe else source
             try:
                 environment = {**os.environ, "MPLBACKEND": "Agg"}
-                subprocess.run([sys.executable, "-c", RUN, script, place], check=True, timeout=LIMIT, stdout=subprocess.DEVNULL, env=environment)
+                command = [sys.executable, "-c", RUN, script, place]
+                subprocess.run(command, check=True, timeout=LIMIT, stdout=subprocess.DEVNULL, env=environment, cwd=place)
             except (subprocess.SubprocessError, OSError) as error:
-                failed.append(f"{script.stem}: {type(error).__name__}, see above")
+                failed.append(f"{name}: {type(error).__name__}, see above")
                 continue
-            drawn = [p for p in sorted(Path(place).iterdir()) if p.suffix in (".png", ".gif")]
-            for old in folder.glob(f"{script.stem}-*.png"):
+            drawn = [p for p in sorted(place.iterdir()) if p.suffix in (".png", ".gif")]
+            for old in [] if recipe else folder.glob(f"gallery/{name}-*.png"):
                 old.unlink()
             for picture in drawn:
-                name = picture.stem.removeprefix("python_").removeprefix(script.stem).strip("_-") or "picture"
-                shown(picture).quantize(64, dither=Image.Dither.NONE).save(folder / f"{script.stem}-{name.replace('_', '-')}.png", optimize=True)
+                what = picture.stem.removeprefix("python_").removeprefix(name).strip("_-") or "picture"
+                kept = folder / (f"{picture.stem}.png" if recipe else f"gallery/{name}-{what.replace('_', '-')}.png")
+                shown(picture).quantize(64, dither=Image.Dither.NONE).save(kept, optimize=True)
         if not drawn:
-            failed.append(f"{script.stem} draws nothing")
-        print(f"{script.stem}: {len(drawn)} pictures, {time.monotonic() - start:.0f} s", flush=True)
+            failed.append(f"{name} draws nothing")
+        print(f"{name}: {len(drawn)} pictures, {time.monotonic() - start:.0f} s", flush=True)
     print("\n".join(failed))
     return 1 if failed else 0
 
