@@ -1,7 +1,7 @@
 """usage: site_pictures.py FOLDER [NAME ...]    run examples in Python and recipes, and keep small pictures of what they draw
 
-NAME is an example or a recipe (a page of docs/howto); without names all are run. Pictures of examples are FOLDER/gallery/NAME-PICTURE.png, that of a
-recipe is FOLDER/NAME.png. They are 720 pixels wide and have 64 colours, which plots do not exceed. Of an animation the first, the middle and the last
+NAME is an example or a recipe (the tutorial, a page of docs/howto); without names all are run. Pictures of examples are FOLDER/gallery/NAME-PICTURE.png, that of a
+recipe is FOLDER/NAME.png, or FOLDER/NAME-PICTURE.png. They are 720 pixels wide and have 64 colours, which plots do not exceed. Of an animation the first, the middle and the last
 picture are kept. What takes more than LIMIT seconds, or draws nothing, is said.
 """
 
@@ -16,7 +16,7 @@ from pathlib import Path
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
-EXAMPLES, RECIPES = ROOT / "examples" / "python", ROOT / "docs" / "howto"
+EXAMPLES, RECIPES = ROOT / "examples" / "python", [ROOT / "docs" / "tutorial.md", *sorted((ROOT / "docs" / "howto").glob("*.md"))]
 WIDTH = 720
 LIMIT = 600
 #: Figures are written as pixels whatever an example asks for.
@@ -60,7 +60,7 @@ def blocks(page: Path, place: Path) -> Path:
 def main() -> int:
     folder = Path(sys.argv[1]).resolve()
     (folder / "gallery").mkdir(parents=True, exist_ok=True)
-    every = {p.stem: p for p in [*sorted(EXAMPLES.glob("*.py")), *sorted(RECIPES.glob("*.md"))]}
+    every = {p.stem: p for p in [*sorted(EXAMPLES.glob("*.py")), *RECIPES]}
     failed = []
     for name, source in [(name, every[name]) for name in sys.argv[2:] or every]:
         start = time.monotonic()
@@ -79,7 +79,7 @@ def main() -> int:
                 old.unlink()
             for picture in drawn:
                 what = picture.stem.removeprefix("python_").removeprefix(name).strip("_-") or "picture"
-                kept = folder / (f"{picture.stem}.png" if recipe else f"gallery/{name}-{what.replace('_', '-')}.png")
+                kept = folder / ((f"{name}.png" if picture.stem == name else f"{name}-{picture.stem}.png") if recipe else f"gallery/{name}-{what.replace('_', '-')}.png")
                 shown(picture).quantize(64, dither=Image.Dither.NONE).save(kept, optimize=True)
         if not drawn:
             failed.append(f"{name} draws nothing")
