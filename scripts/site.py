@@ -224,17 +224,20 @@ def broken(site: Path) -> list[str]:
     return sorted(set(found))
 
 
-def rust_reference(folder: Path, site: Path) -> None:
-    """The pages of cargo doc, where there is a cargo; without them the page about Rust says how to make them."""
+def rust_reference(site: Path) -> None:
+    """The pages of cargo doc, where there is a cargo; without them the page about Rust says so."""
     cargo = shutil.which(os.environ.get("CARGO", "cargo"))
-    if not cargo:
-        print("left out: reference of Rust: there is no cargo here")
-        return
-    target = Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target")
-    subprocess.run([cargo, "doc", "--quiet", "--no-deps", "--lib"], cwd=ROOT, check=True)
-    shutil.copytree(target / "doc", site / "rust_api")
     page = site / "rust.html"
-    page.write_text(page.read_text(encoding="utf-8").replace("RUST_API", "rust_api/switchback/index.html"), encoding="utf-8")
+    text = page.read_text(encoding="utf-8")
+    if cargo:
+        target = Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target")
+        subprocess.run([cargo, "doc", "--quiet", "--no-deps", "--lib"], cwd=ROOT, check=True)
+        shutil.copytree(target / "doc", site / "rust_api")
+        text = text.replace("RUST_API", "rust_api/switchback/index.html")
+    else:
+        print("left out: reference of Rust: there is no cargo here")
+        text = re.sub(r'<a href="RUST_API">.*?</a>', "left out", text)
+    page.write_text(text, encoding="utf-8")
 
 
 def navigation(pages: dict[str, list[str]]) -> str:
@@ -275,7 +278,7 @@ def main() -> int:
     }
     environment = {**os.environ, **{name: str(place) for name, place in places.items()}, "NO_MKDOCS_2_WARNING": "1"}
     subprocess.run([sys.executable, "-m", "mkdocs", "build", "--quiet", "--config-file", str(settings)], check=True, env=environment)
-    rust_reference(folder, site)
+    rust_reference(site)
     lost = broken(site)
     print("\n".join(f"broken link: {b}" for b in lost))
     size = sum(f.stat().st_size for f in site.rglob("*") if f.is_file())
