@@ -163,7 +163,7 @@ def gallery() -> dict[str, str]:
         code, name = script.read_text(encoding="utf-8"), script.stem.replace("_", " ")
         first, _, rest = code.split('"""')[1].partition("\n\n")
         about, pictures = rest.split("usage:")[0].strip(), sorted(kept.glob(f"{script.stem}-*.png"))
-        parts = [f"# {name.capitalize()}\n\n{' '.join(first.split())}\n\n" + (f"```text\n{about}\n```\n" if about else "")]
+        parts = [f"---\nsearch:\n  boost: 0.3\n---\n\n# {name.capitalize()}\n\n{' '.join(first.split())}\n\n" + (f"```text\n{about}\n```\n" if about else "")]
         parts += [f"![{name}](../pictures/gallery/{picture.name})\n" for picture in pictures]
         parts.append(f"`python examples/python/{script.name} FOLDER` draws this.\n\n```python\n{code}\n```\n")
         for language, other in (("C", ROOT / "examples" / "c" / f"{script.stem}.c"), ("Julia", ROOT / "bindings" / "julia" / "examples" / f"{script.stem}.jl")):
