@@ -1,7 +1,7 @@
 """usage: site_look.py SITE FOLDER    look at the pages of the site with headless Chromium, and keep the pictures in FOLDER
 
-A page must show its title, more than a blank picture, no picture that could not be loaded, no formula that is not typeset, and nothing wider than the
-window. Of a reference every tenth page is looked at: they are made by one program. Left out where there is no Chromium.
+A page must show its title, more than a blank picture, no picture that could not be loaded, no formula that is not typeset or is cut off, and nothing wider
+than the window. Of a reference every tenth page is looked at: they are made by one program. Left out where there is no Chromium.
 """
 
 import json
@@ -17,7 +17,8 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 #: At the end of a page: what could not be loaded or typeset, what is too wide, and how much is to be seen.
 PROBE = """<script>window.addEventListener("load", () => {
 const lost = [...document.images].filter((i) => !i.naturalWidth).map((i) => i.src);
-const raw = [...document.querySelectorAll(".arithmatex")].filter((e) => !e.querySelector(".katex") || e.querySelector(".katex-error")).map((e) => e.innerText);
+const raw = [...document.querySelectorAll(".arithmatex")].filter((e) =>
+  !e.querySelector(".katex") || e.querySelector(".katex-error") || e.scrollWidth > e.clientWidth + 1 && e.clientWidth).map((e) => e.innerText);
 const wide = document.documentElement.scrollWidth - window.innerWidth;
 document.documentElement.dataset.look = JSON.stringify({lost, raw, wide, text: document.body.innerText.length, height: document.body.scrollHeight}); });
 </script>"""
@@ -45,7 +46,7 @@ def look(page: Path, picture: Path) -> list[str]:
         return ["is not shown to its end"]
     seen = json.loads(unescape(found[1]))
     wrong = [f"a picture is missing: {lost}" for lost in seen["lost"]]
-    wrong += [f"a formula is not typeset: {raw}" for raw in seen["raw"]]
+    wrong += [f"a formula is not typeset, or cut off: {raw}" for raw in seen["raw"]]
     if seen["wide"] > 0:
         wrong.append(f"is {seen['wide']} pixels wider than the window")
     if seen["text"] < 200 or seen["height"] < 200:

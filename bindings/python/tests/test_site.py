@@ -113,3 +113,16 @@ def test_the_demo_names_the_pictures_of_each_program(tmp_path, capsys):
 @pytest.mark.parametrize("name", ["CITATION.cff", "CONTRIBUTING.md"])
 def test_what_a_stranger_looks_for(name):
     assert (ROOT / name).stat().st_size > 300
+
+
+def test_docstrings_keep_tables_and_tell_attributes(tmp_path):
+    griffe = pytest.importorskip("griffe")
+    (tmp_path / "thing.py").write_text(
+        'class Thing:\n    """About it.\n\n    t     times\n    long  another\n    """\n\n    #: How many\n    #: there are.\n    n: int\n    t: float | None = None\n    _own: int\n'
+    )
+    tables = script("site_docstrings").Tables()
+    package = griffe.load("thing", search_paths=[str(tmp_path)], extensions=griffe.Extensions(tables))
+    told = package["Thing"].docstring.value
+    assert "```text\nt     times" in told
+    assert "| `n` | `int` | How many there are. |\n| `t` | `float | None` |  |" in told and "_own" not in told
+    assert "n" not in package["Thing"].members and "_own" in package["Thing"].members
