@@ -1,8 +1,8 @@
 """usage: site_pictures.py FOLDER [NAME ...]    run examples in Python and recipes, and keep small pictures of what they draw
 
-NAME is an example or a recipe (the tutorial, a page of docs/howto); without names all are run. Pictures of examples are FOLDER/gallery/NAME-PICTURE.png, that of a
-recipe is FOLDER/NAME.png, or FOLDER/NAME-PICTURE.png. They are 720 pixels wide and have 64 colours, which plots do not exceed. Of an animation the first, the middle and the last
-picture are kept. What takes more than LIMIT seconds, or draws nothing, is said.
+NAME is an example or a recipe (the tutorial, a page of docs/howto); without names all are run. Pictures of examples are
+FOLDER/gallery/NAME-PICTURE.png, those of a recipe FOLDER/NAME.png or FOLDER/NAME-PICTURE.png. They are 720 pixels wide and have 64 colours, which plots
+do not exceed. Of an animation the first, the middle and the last picture are kept. What takes more than LIMIT seconds, or draws nothing, is said.
 """
 
 import os
@@ -79,8 +79,8 @@ def main() -> int:
                 old.unlink()
             for picture in drawn:
                 what = picture.stem.removeprefix("python_").removeprefix(name).strip("_-") or "picture"
-                kept = folder / ((f"{name}.png" if picture.stem == name else f"{name}-{picture.stem}.png") if recipe else f"gallery/{name}-{what.replace('_', '-')}.png")
-                shown(picture).quantize(64, dither=Image.Dither.NONE).save(kept, optimize=True)
+                whole = name if recipe and picture.stem == name else f"{name}-{what.replace('_', '-')}"
+                shown(picture).quantize(64, dither=Image.Dither.NONE).save(folder / ("" if recipe else "gallery") / f"{whole}.png", optimize=True)
         if not drawn:
             failed.append(f"{name} draws nothing")
         print(f"{name}: {len(drawn)} pictures, {time.monotonic() - start:.0f} s", flush=True)

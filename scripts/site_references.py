@@ -158,6 +158,8 @@ def python_reference() -> dict[str, str]:
         rows.append(f"| [{page}]({page}.md) | {', '.join(links)} |")
     pages["index"] = (
         "# Reference of Python\n\nMade from the docstrings of the package. Names are those of `import switchback_control as swb`. Those of the "
-        "modules `casadi`, `jax` and `torch`, and some of `expr`, have the name of their module in front.\n\n| page | names |\n|---|---|\n" + "\n".join(rows) + "\n"
+        "modules `casadi`, `jax` and `torch`, and some of `expr`, have the name of their module in front.\n\n| page | names |\n|---|---|\n"
+        + "\n".join(rows)
+        + "\n"
     )
     return pages

@@ -137,7 +137,8 @@ def main() -> None:
     row("the same at tolerances of 1e-12", lambda: swb.simulate(m, [0, 0], 20, u=[0], rtol=1e-12, atol=1e-12), switches, calls=20)
     row("the same by finite elements, 100 steps", lambda: swb.simulate_fesd(m, [0, 0], 20, 100, u=[0]), lambda r: f"{len(r.trajectory.switches)} switches")
     b = buck()
-    row("simulate 1000 periods of a buck converter", lambda: swb.simulate(b, [0, 0, 0], 0.1, p=[0.5]), lambda r: f"{len(r.switches) + len(r.jumps)} switches and transitions")
+    both = lambda r: f"{len(r.switches) + len(r.jumps)} switches and transitions"  # noqa: E731
+    row("simulate 1000 periods of a buck converter", lambda: swb.simulate(b, [0, 0, 0], 0.1, p=[0.5]), both)
     s = ball()
     row("a ball that bounces until it rests", lambda: s.simulate([1.0], [0.0], 5.0), lambda r: f"{len(r.impacts)} impacts", calls=20)
     c, start = column(20), [0.6 * i for i in range(20)]
