@@ -43,7 +43,7 @@ NAVIGATION = """
       - First hour: tutorial.md
       - What to expect: expect.md
       - Limits: limits.md
-      - Gallery: gallery/index.md
+  - Gallery: gallery/index.md
   - How to:
       - State a model: models.md
       - Simulate: simulation.md
