@@ -90,6 +90,16 @@ pub(super) struct Row {
     pub(super) component: usize,
 }
 
+/// What is remembered of slides in space.
+pub(crate) struct Slides {
+    directions: Vec<[f64; 2]>,
+    settled: Vec<[f64; 2]>,
+    starting: Vec<(usize, [f64; 2])>,
+    begins: Vec<f64>,
+    fastest: Vec<f64>,
+    reference: Vec<Forces>,
+}
+
 /// Evaluates motion with contacts. All memory is allocated once, but for singular sets of contacts.
 pub(crate) struct Dynamics {
     pub(crate) mechanics: Arc<Mechanics>,
@@ -318,6 +328,25 @@ impl Dynamics {
                 self.begins[i] = 0.0;
             }
         }
+    }
+
+    /// What is remembered of slides in space, to be put back.
+    pub(crate) fn keep_slides(&self) -> Slides {
+        Slides {
+            directions: self.directions.clone(),
+            settled: self.settled.clone(),
+            starting: self.starting.clone(),
+            begins: self.begins.clone(),
+            fastest: self.fastest.clone(),
+            reference: self.reference.clone(),
+        }
+    }
+
+    /// Undoes what has been remembered since.
+    pub(crate) fn put_back_slides(&mut self, s: Slides) {
+        let Slides { directions, settled, starting, begins, fastest, reference } = s;
+        (self.directions, self.settled, self.starting) = (directions, settled, starting);
+        (self.begins, self.fastest, self.reference) = (begins, fastest, reference);
     }
 
     /// Is contact `i` sliding under this mode?

@@ -39,7 +39,7 @@ pub enum Term {
     },
 }
 
-/// A gradient.
+/// A gradient. What it has no value for is NaN: data that part contacts which close together, whose order decides what follows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gradient {
     /// With respect to the initial state.
@@ -69,9 +69,38 @@ struct Sweep<'a> {
     jacobians: Vec<Rows>,
 }
 
+/// Derivatives that are this share of the sizes of their terms are zero.
+const ROUNDING: f64 = 1e-9;
+
+/// What is followed back.
+#[derive(Clone, Copy, PartialEq)]
+enum Sought {
+    Gradient,
+    /// What parts contacts that close together, and the sizes of its terms.
+    Parts,
+    Sizes,
+}
+
 /// Goes back over the tape from the derivative `v` with respect to the final state. Leaves active set, parameters and
 /// controls of the field changed.
 pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], terms: &[Term]) -> Result<Gradient> {
+    let mut found = back(tape, radau, field, v, terms, Sought::Gradient)?;
+    if tape.entries.iter().any(|e| matches!(e, Entry::Part { .. })) {
+        let none = vec![0.0; v.len()];
+        let mut seek = |what| back(tape, radau, field, &none, &[], what);
+        let (parts, sizes) = (seek(Sought::Parts)?, seek(Sought::Sizes)?);
+        let lose = |g: &mut [f64], part: &[f64], size: &[f64]| {
+            let each = g.iter_mut().zip(part.iter().zip(size));
+            each.filter(|(_, (p, s))| p.abs() > ROUNDING * s.abs()).for_each(|(g, _)| *g = f64::NAN);
+        };
+        lose(&mut found.x0, &parts.x0, &sizes.x0);
+        lose(&mut found.p, &parts.p, &sizes.p);
+        lose(&mut found.u, &parts.u, &sizes.u);
+    }
+    Ok(found)
+}
+
+fn back(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], terms: &[Term], sought: Sought) -> Result<Gradient> {
     let (nx, n_z) = (field.nx, field.n_z);
     let most = field.n_cells.saturating_sub(field.subs.len());
     let mut terms = Terms::sorted(tape, nx, terms)?;
@@ -121,6 +150,14 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
             Entry::Jump { at, first, log, n } => {
                 let weight = terms.take_switches(first).unwrap_or(0.0) + terms.take_jumps(log);
                 s.jump(at, n, weight);
+                Ok(())
+            }
+            Entry::Part { at, n } => {
+                match sought {
+                    Sought::Gradient => {}
+                    Sought::Parts => s.part(at, n),
+                    Sought::Sizes => s.part(at + n, n),
+                }
                 Ok(())
             }
             Entry::Gap { t } => {
@@ -348,6 +385,14 @@ impl Sweep<'_> {
         }
         w += dot(&self.v, before);
         add_row(w, row, &mut self.v, &mut self.g);
+    }
+
+    /// Adds rows, of `n` numbers, with weights that do not cancel.
+    fn part(&mut self, at: usize, n: usize) {
+        let n_c = self.field.n_z - 1;
+        for (k, row) in self.tape.data[at..at + n].chunks_exact(n_c).enumerate() {
+            add_row(1.0 + (0.618_034 * k as f64).fract(), row, &mut self.v, &mut self.g);
+        }
     }
 
     /// The transpose of `S⁺ = S − D (C D)⁻¹ C S` where the field stands.

@@ -175,6 +175,22 @@ pub(super) fn nearly_touches(b: &[f64], rounding: f64) -> Option<f64> {
     }
 }
 
+/// Where a polynomial that stays positive comes below `level`, if it turns there and does not go on falling behind the end.
+pub(super) fn turns_below(b: &[f64], level: f64) -> Option<f64> {
+    let n = b.len();
+    let (falls, rises) = (b[1] <= b[0], b[n - 1] > b[n - 2]);
+    if b[0] <= level && !falls || b[n - 1] <= level && !rises {
+        return None;
+    }
+    let mut lowered = [0.0; NODES];
+    let lowered = &mut lowered[..n];
+    lowered.iter_mut().zip(b).for_each(|(l, v)| *l = v - level);
+    match first(lowered) {
+        First::None => None,
+        First::Zero(s) | First::Touch(s) => Some(s),
+    }
+}
+
 /// Changes of sign from one coefficient to the next: at least as many as there are zeros.
 fn changes(c: &[f64]) -> usize {
     c.windows(2).filter(|w| (w[0] > 0.0) != (w[1] > 0.0)).count()
@@ -293,6 +309,19 @@ mod tests {
         }
         let (c, d) = of(|t| (t - 0.4) * (t - 0.4) + 1e-11, 0);
         assert_eq!(nearly_touches(&c[..=d], ROUNDING_OF_SAMPLES), None);
+    }
+
+    #[test]
+    fn what_turns_near_zero() {
+        let turns = |at: f64, least: f64, level: f64| {
+            let (c, d) = of(|t| (t - at) * (t - at) * (1.0 + t) + least, 0);
+            turns_below(&c[..=d], level)
+        };
+        let s = turns(0.4, 1e-9, 2e-9).unwrap();
+        assert!((s - 0.4).abs() < 1e-4, "{s}");
+        assert_eq!(turns(0.4, 3e-9, 2e-9), None);
+        // it goes on falling, or has turned before
+        assert_eq!((turns(1.0 + 1e-6, 1e-9, 2e-9), turns(-1e-6, 1e-9, 2e-9)), (None, None));
     }
 
     #[test]

@@ -186,6 +186,30 @@ impl Sens {
         }
     }
 
+    /// The columns for which a row among these, of states, parameters and controls, does not vanish to this share of the sizes of its terms.
+    pub(super) fn columns_of(&self, rows: &[f64], sizes: &[f64], share: f64) -> Vec<usize> {
+        let n = self.first + self.n_c;
+        let mut found = vec![false; self.n_c];
+        let mut both = [vec![0.0; self.n_c], vec![0.0; self.n_c]];
+        let magnitudes: Vec<f64> = self.s.iter().map(|s| s.abs()).collect();
+        for (row, size) in rows.chunks_exact(n).zip(sizes.chunks_exact(n)) {
+            let [value, terms] = &mut both;
+            along(row, 1.0, self.x.len(), &self.s, value);
+            along(size, 1.0, self.x.len(), &magnitudes, terms);
+            let columns = found.iter_mut().zip(value.iter().zip(terms.iter()));
+            columns.for_each(|(f, (v, t))| *f |= v.abs() > share * t);
+        }
+        (0..self.n_c).filter(|c| found[*c]).collect()
+    }
+
+    /// These columns are not known, nor what they have to do with the time of the last switch.
+    pub(super) fn lose(&mut self, columns: &[usize]) {
+        for row in self.s.chunks_exact_mut(self.n_c.max(1)) {
+            columns.iter().for_each(|c| row[*c] = f64::NAN);
+        }
+        columns.iter().for_each(|c| self.dt[*c] = f64::NAN);
+    }
+
     /// Makes the derivatives tangential to the surfaces of a sliding mode, along `D`; `C D` is that of the last
     /// [`Field::hidden`].
     pub(super) fn project(&mut self, field: &mut Field) {

@@ -33,6 +33,8 @@ pub(super) enum Entry {
     /// Transitions at one time: derivatives of the time, velocities before and behind, Jacobians of the resets; where the
     /// logs of switches and of transitions stood.
     Jump { at: usize, first: usize, log: usize, n: usize },
+    /// Derivatives with respect to what these rows, `n` of them, do not vanish for are not known; the sizes of their terms.
+    Part { at: usize, n: usize },
     /// A passage that has no derivatives.
     Gap { t: f64 },
     /// The run was asked for its state here, behind all that happens at this time.
@@ -133,6 +135,14 @@ impl Tape {
         self.data.extend_from_slice(resets);
         let n = resets.len() / (velocities[0].len() * (row.len() + 1));
         self.entries.push(Entry::Jump { at, first: log.0, log: log.1, n });
+    }
+
+    /// Behind this, derivatives with respect to what these rows do not vanish for are not known.
+    pub(super) fn part(&mut self, rows: &[f64], sizes: &[f64]) {
+        let at = self.data.len();
+        self.data.extend_from_slice(rows);
+        self.data.extend_from_slice(sizes);
+        self.entries.push(Entry::Part { at, n: rows.len() });
     }
 
     pub(super) fn gap(&mut self, t: f64) {

@@ -5,6 +5,7 @@
 //! their rates are put back to zero, so nothing drifts. Derivatives go through events like those through transitions:
 //! `S⁺ = r_x (S⁻ + f⁻ dt) + … − f⁺ dt`, where `r` is the impact, or the identity.
 
+use super::order::Met;
 use super::{recover, Engine, Progress, EPS};
 use crate::contact::{self, mode, Closed};
 use crate::error::{Error, Result};
@@ -320,6 +321,11 @@ impl Engine {
         }
         self.f_before.copy_from_slice(&self.f);
         let recorded = self.sens.is_some() || self.tape.is_some();
+        let meeting = if recorded { self.meeting(event)? } else { None };
+        let together = match meeting {
+            Some(m) => Some((self.follow_orders(&m, length)?, m, self.sens.as_ref().map(|s| s.s.clone()))),
+            None => None,
+        };
         if let Some(s) = &mut self.sens {
             s.advance(&self.f_before, 1.0);
         }
@@ -334,11 +340,11 @@ impl Engine {
             }
             _ => (false, None),
         };
-        let mut unique = self.collide(event, recorded)?;
+        let unique_impact = self.collide(event, recorded)?;
         if self.outcome != Outcome::Reached {
             return Ok(());
         }
-        unique &= self.next_modes(event, length, recorded, self.impacts.len() == start)?;
+        let mut unique = self.next_modes(event, length, recorded, self.impacts.len() == start)?;
         if self.scene.merges && self.outcome == Outcome::Reached && !self.come_together()? {
             // to close them all would move the bodies by more than the tolerances allow
             self.scene.merges = false;
@@ -362,19 +368,16 @@ impl Engine {
         self.enter()?;
         let several = self.impacts.len() - start > 1;
         self.impacts[start..].iter_mut().for_each(|i| i.simultaneous = several);
-        self.one_sided |= !unique || several;
-        if let Some(s) = &mut self.sens {
-            s.advance(&self.f, -1.0);
-        }
-        if let Some(tape) = &mut self.tape {
-            let n_c = self.time_row.len() - 1;
-            tape.jump(
-                (self.switches.len(), start),
-                &self.time_row[..n_c],
-                [&self.f_before, &self.f],
-                &self.scene.resets,
-            );
-        }
+        let met = match together {
+            Some((orders, meeting, before)) => self.differentiate_meeting(&meeting, orders, before, start)?,
+            None => {
+                self.differentiate_impacts(start);
+                Met::default()
+            }
+        };
+        self.one_sided |= !unique || !met.both && (!unique_impact || several);
+        let one_sided = self.one_sided;
+        unique &= unique_impact;
         if self.field.active == self.scene.before {
             if self.impacts.len() == start {
                 // nothing has changed: a force or a speed that only touches zero
@@ -389,11 +392,32 @@ impl Engine {
             }
         } else {
             let before = std::mem::take(&mut self.scene.before);
+            let from = self.switches.len();
             self.log(&before, rate, None, unique);
             self.scene.before = before;
+            self.time_switches(from, &met.times);
+            if met.both {
+                self.one_sided = one_sided;
+            }
         }
         self.note_phase();
         Ok(())
+    }
+
+    /// Derivatives behind an event, of which all that happens does so at the same time also nearby.
+    pub(super) fn differentiate_impacts(&mut self, start: usize) {
+        if let Some(s) = &mut self.sens {
+            s.advance(&self.f, -1.0);
+        }
+        if let Some(tape) = &mut self.tape {
+            let n_c = self.time_row.len() - 1;
+            tape.jump(
+                (self.switches.len(), start),
+                &self.time_row[..n_c],
+                [&self.f_before, &self.f],
+                &self.scene.resets,
+            );
+        }
     }
 
     /// Notes the modes from here on.
@@ -667,7 +691,7 @@ impl Engine {
     }
 
     /// Lists those of the touching contacts that are closed, and whether each is at rest.
-    fn closed(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
+    pub(super) fn closed(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
         let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
         /// Share of its size below which a sliding velocity may be zero, if others that stop say so.
         const STILL: f64 = 1e-3;
@@ -723,7 +747,7 @@ impl Engine {
 
 impl Contacts {
     /// Begins with these modes. As long as the tolerances do not see the velocity of a slide, it says nothing of its direction.
-    fn begin(&mut self, choice: &contact::Choice, at: &Point, (rtol, atol): (&[f64], &[f64])) {
+    pub(super) fn begin(&mut self, choice: &contact::Choice, at: &Point, (rtol, atol): (&[f64], &[f64])) {
         let d = &mut self.dynamics;
         d.begin(choice);
         let slides = choice.modes.iter().map(|set| set[0] == mode::SLIDES);

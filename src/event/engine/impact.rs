@@ -1,6 +1,7 @@
 //! Impacts: the contacts that take part, the velocities behind, and impacts that accumulate.
 
 use super::contact::{SceneRoom, AT_REST, LAST};
+use super::search::GRAZES;
 use super::{Engine, EPS};
 use crate::contact::{mode, Closed, Impulse};
 use crate::event::watch::ContactWatch;
@@ -221,7 +222,7 @@ impl Engine {
             self.stats.impacts += 1;
             let (depth, tolerance) = self.depth(p.contact, p.rates[0]);
             // whether there is an impact at all is a matter of the tolerances
-            self.one_sided |= depth < tolerance && kind == ImpactKind::Collision;
+            self.one_sided |= depth < GRAZES * tolerance && kind == ImpactKind::Collision;
             if self.impacts.len() < self.options.max_log {
                 let dt = self.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone());
                 let Impulse { contact, rates, impulse, .. } = *p;

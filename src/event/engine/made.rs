@@ -144,6 +144,7 @@ impl Engine {
             crowd: 0,
             burst: (f64::NEG_INFINITY, 0),
             touched: None,
+            grazed: f64::INFINITY,
             heard: 0,
             outcome: Outcome::Reached,
             reason: String::new(),

@@ -13,6 +13,7 @@ mod jump;
 mod limit_set;
 mod locate;
 mod made;
+mod order;
 mod record;
 mod search;
 mod selection;
@@ -200,6 +201,8 @@ pub struct Engine {
     burst: (f64, usize),
     /// A contact in the step that is looked at.
     touched: Option<Contact>,
+    /// The relative time in the last step at which something touches zero without being crossed, to what the tolerances see.
+    grazed: f64,
     /// Complaints of functions before the present step.
     heard: usize,
     outcome: Outcome,

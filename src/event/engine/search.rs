@@ -21,6 +21,9 @@ const FRACTION: f64 = 0.1;
 const BETWEEN: f64 = 0.4;
 const LONGER: f64 = 1.3;
 
+/// So many local tolerances from zero a function may still touch it: its least value is known to the errors of some steps.
+pub(super) const GRAZES: f64 = 10.0;
+
 /// How the search for a switch in a step ended.
 pub(super) enum Found {
     Nothing,
@@ -133,6 +136,7 @@ impl Engine {
             }
         }
         self.touched = None;
+        self.grazed = f64::INFINITY;
         let mut best = Found::Nothing;
         let mut first = f64::INFINITY;
         for k in 0..self.suspects.len() {
@@ -170,6 +174,8 @@ impl Engine {
                     };
                     if let Some(s) = rounding.and_then(|rounding| bernstein::nearly_touches(c, rounding)) {
                         self.notice(l, s, bernstein::slope(c, s));
+                    } else if let Some(s) = self.grazes(l, power).and_then(|unseen| bernstein::turns_below(c, unseen)) {
+                        self.grazed = self.grazed.min(s);
                     }
                     continue;
                 }
@@ -197,6 +203,7 @@ impl Engine {
                 return Ok(Found::Coarse(e));
             }
         }
+        self.one_sided |= self.grazed < first;
         if let (Some(c), true) = (&self.touched, first < f64::INFINITY) {
             // what comes behind a switch does not happen
             if c.t >= self.step.t + first * self.step.h {
@@ -329,17 +336,32 @@ impl Engine {
         Ok(false)
     }
 
+    /// Least value of a watched function that is not told from one that touches zero: the local tolerances of the states, projected on it, a few
+    /// times. None where its zero means something else, or has been divided out.
+    fn grazes(&self, l: usize, power: usize) -> Option<f64> {
+        let w = self.watches[l];
+        let passes = match w {
+            Watch::Enter { .. } | Watch::Guard { back: false, .. } => true,
+            Watch::Contact { what, .. } => what == ContactWatch::Gap,
+            Watch::Guard { .. } | Watch::Leave { .. } => false,
+        };
+        let dq = if self.field.constant_gradients() { &self.dq0 } else { &self.dq1 };
+        let loosest = self.rtol.iter().fold(0.0f64, |m, v| m.max(*v));
+        // sizes of states are not below `atol / rtol`
+        (passes && power == 0).then(|| GRAZES * loosest * w.scale(dq, &self.field, self.step.t, &self.step.x1).reach)
+    }
+
     /// A watched function touches zero at relative time `s`.
     fn notice(&mut self, l: usize, s: f64, slope: f64) {
         let sub = match self.watches[l] {
             Watch::Enter { sub, .. } => sub,
             // it does not happen, but would under any disturbance
             Watch::Guard { back, .. } => {
-                self.one_sided |= !back;
+                self.grazed = if back { self.grazed } else { self.grazed.min(s) };
                 return;
             }
             Watch::Contact { contact, what, .. } => {
-                self.one_sided = true;
+                self.grazed = self.grazed.min(s);
                 if what != ContactWatch::Gap {
                     return;
                 }
