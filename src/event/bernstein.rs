@@ -191,6 +191,15 @@ pub(super) fn turns_below(b: &[f64], level: f64) -> Option<f64> {
     }
 }
 
+/// Does a polynomial that passes zero turn at no less than `−level`?
+pub(super) fn dips(b: &[f64], level: f64) -> bool {
+    let n = b.len();
+    let mut lifted = [0.0; NODES];
+    let lifted = &mut lifted[..n];
+    lifted.iter_mut().zip(b).for_each(|(l, v)| *l = v + level);
+    first(lifted) == First::None && (b[n - 1] > 0.0 || b[n - 1] > b[n - 2])
+}
+
 /// Changes of sign from one coefficient to the next: at least as many as there are zeros.
 fn changes(c: &[f64]) -> usize {
     c.windows(2).filter(|w| (w[0] > 0.0) != (w[1] > 0.0)).count()
@@ -320,6 +329,11 @@ mod tests {
         let s = turns(0.4, 1e-9, 2e-9).unwrap();
         assert!((s - 0.4).abs() < 1e-4, "{s}");
         assert_eq!(turns(0.4, 3e-9, 2e-9), None);
+        let dips = |least: f64, level: f64| {
+            let (c, d) = of(|t| (t - 0.4) * (t - 0.4) * (1.0 + t) - least, 0);
+            dips(&c[..=d], level)
+        };
+        assert!(dips(1e-9, 2e-9) && !dips(3e-9, 2e-9));
         // it goes on falling, or has turned before
         assert_eq!((turns(1.0 + 1e-6, 1e-9, 2e-9), turns(-1e-6, 1e-9, 2e-9)), (None, None));
     }

@@ -1,8 +1,9 @@
 //! Transitions that are made: the state jumps, and what follows at the same time.
 //!
 //! With `dt` the derivative of the time of the jump, `f⁻` and `f⁺` the velocities around it and `r` the reset, the
-//! derivatives at fixed time are `S⁺ = r_x (S⁻ + f⁻ dt) + r_p + r_t dt − f⁺ dt`; several resets at one time follow each other
-//! in between.
+//! derivatives at fixed time are `S⁺ = r_x (S⁻ + f⁻ dt) + r_p + r_t dt − f⁺ dt`; resets that make each other happen follow each other
+//! in between. A guard that vanishes by itself at the same time has a time of its own, along the motion behind the transitions before it: the
+//! derivatives are those of the side on which the transitions happen in this order.
 
 use std::collections::HashMap;
 
@@ -160,9 +161,10 @@ impl Engine {
             s.advance(&self.f_before, 1.0);
         }
         let (mut resets, mut cascade) = (Vec::new(), Cascade::default());
-        let (mut next, mut rate, mut unique, mut made) = (Some(guard), rate, true, 0);
+        let (mut next, mut rate, mut unique, mut made) = (Some((guard, false)), rate, true, 0);
+        let mut log = (self.switches.len(), start);
         let length = self.usual_step();
-        while let Some(g) = next {
+        while let Some((g, vanishes)) = next {
             if let Some(text) = cascade.endless(g, &self.x) {
                 self.fail(Outcome::NoContinuation, text);
                 return Ok(());
@@ -171,6 +173,10 @@ impl Engine {
                 return Err(EvalError::Stopped);
             }
             made += 1;
+            if vanishes && recorded {
+                self.part_from(g, log, &mut resets)?;
+                log.1 = self.jumps.len();
+            }
             self.note_made(self.field.guards.all[g].q);
             self.field.reset(g, (self.t, &self.x), recorded, &mut self.reset)?;
             if self.reset.x.iter().any(|v| !v.is_finite()) {
@@ -212,7 +218,7 @@ impl Engine {
             rate = f64::NAN;
             let held = self.held()?;
             self.one_sided |= held.is_some_and(|h| h.1);
-            next = held.map(|h| h.0);
+            next = held;
         }
         self.stats.jumps += made;
         self.one_sided |= !unique;
@@ -224,11 +230,43 @@ impl Engine {
         }
         if let Some(tape) = &mut self.tape {
             let n_c = self.time_row.len() - 1;
-            let log = (self.switches.len(), start);
             tape.jump(log, &self.time_row[..n_c], [&self.f_before, &self.f], &resets);
         }
         self.project_sensitivity()?;
         self.log(&before, f64::NAN, None, unique);
+        Ok(())
+    }
+
+    /// Transition `g` happens at a time of its own behind those with these resets, see [`Tape::jump`](crate::event::tape::Tape::jump).
+    fn part_from(
+        &mut self,
+        g: usize,
+        log: (usize, usize),
+        resets: &mut Vec<f64>,
+    ) -> std::result::Result<(), EvalError> {
+        let of_guard = |w: &Watch| matches!(*w, Watch::Guard { guard, back: false, .. } if guard == g);
+        let Some(l) = self.watches.iter().position(of_guard) else { return Ok(()) };
+        if self.field.in_limit_set() {
+            return Ok(());
+        }
+        if let Some(s) = &mut self.sens {
+            s.advance(&self.f, -1.0);
+        }
+        if let Some(tape) = &mut self.tape {
+            let n_c = self.time_row.len() - 1;
+            tape.jump(log, &self.time_row[..n_c], [&self.f_before, &self.f], resets);
+        }
+        resets.clear();
+        self.project_sensitivity()?;
+        self.f_before.copy_from_slice(&self.f);
+        self.field.watched(self.t, &self.x)?;
+        self.field.watched_gradients(self.t, &self.x)?;
+        let at = (self.t, &self.x[..], &self.f[..]);
+        self.watches[l].time_gradient(&mut self.field, at, &mut self.time_row)?;
+        if let Some(s) = &mut self.sens {
+            s.time(&self.time_row);
+            s.advance(&self.f_before, 1.0);
+        }
         Ok(())
     }
 

@@ -69,8 +69,10 @@ pub(super) struct Order {
 
 /// Where it all begins.
 pub(super) struct Meeting {
-    /// Contacts that close, and closed ones without a force, which a change may part.
+    /// Contacts that close, and those that touch without a force, which a change may part.
     free: Vec<usize>,
+    /// Those that touch without a force: a change in one direction only can part them.
+    loose: Vec<usize>,
     /// Closed contacts that are pressed together, and stay so.
     pressed: Vec<usize>,
     x: Vec<f64>,
@@ -167,7 +169,8 @@ impl Engine {
         }
         self.touching(event)?;
         let event = event.map(|e| e.0);
-        let (all, mut free, mut pressed, mut closing) = (self.scene.touching.clone(), Vec::new(), Vec::new(), 0);
+        let all = self.scene.touching.clone();
+        let (mut free, mut loose, mut pressed) = (Vec::new(), Vec::new(), Vec::new());
         let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             for i in all {
                 c.dynamics.load_gap(at, i)?;
@@ -178,20 +181,21 @@ impl Engine {
                     _ => AT_REST,
                 };
                 let closes = rate < -noise * c.sizes[i][3];
-                closing += usize::from(closes);
-                let loose = !open && c.dynamics.forces[i][0] <= ZERO * c.sizes[i][1];
-                match closes || loose {
-                    true => free.push(i),
-                    false if !open => pressed.push(i),
-                    false => {}
+                if closes {
+                    free.push(i);
+                } else if open || c.dynamics.forces[i][0] <= ZERO * c.sizes[i][1] {
+                    free.push(i);
+                    loose.push(i);
+                } else {
+                    pressed.push(i);
                 }
             }
             Ok(())
         });
         r.unwrap_or(Ok(()))?;
         let least = if event.is_none() { 1 } else { 2 };
-        let some = closing > 0 && free.len() >= least;
-        Ok(some.then(|| Meeting { free, pressed, x: self.x.clone(), f: self.f_before.clone(), event }))
+        let some = free.len() > loose.len() && free.len() >= least;
+        Ok(some.then(|| Meeting { free, loose, pressed, x: self.x.clone(), f: self.f_before.clone(), event }))
     }
 
     /// Follows all orders of a meeting, or none if there are too many. The present state is that before.
@@ -246,8 +250,11 @@ impl Engine {
             }
         }
         match first.filter(|_| alike || n <= 2) {
-            // of a contact that closes at a given time the other side are bodies that overlap
-            Some((o, _)) => Ok(Several::Ordered(o.strikes, alike && meeting.event.is_some())),
+            Some((o, _)) => {
+                // where contacts touch before, or close at a given time, bodies overlap on the other side
+                let feasible = meeting.event.is_some() && !o.strikes.iter().any(|s| meeting.loose.contains(&s.contact));
+                Ok(Several::Ordered(o.strikes, alike && feasible))
+            }
             None => {
                 let parted = self.parted(meeting);
                 self.field.forget();

@@ -139,6 +139,8 @@ impl Engine {
         self.grazed = f64::INFINITY;
         let mut best = Found::Nothing;
         let mut first = f64::INFINITY;
+        // what is beyond zero by less than the tolerances see, and comes back
+        let mut shallow = false;
         for k in 0..self.suspects.len() {
             let l = self.suspects[k];
             self.samples[l][0] = self.w0[l];
@@ -148,7 +150,7 @@ impl Engine {
             }
             if let Some(found) = self.first_behind_flat(l) {
                 match found {
-                    Found::Zero(_, s, _) if s < first => (first, best) = (s, found),
+                    Found::Zero(_, s, _) if s < first => (first, best, shallow) = (s, found, false),
                     Found::Coarse(_) => return Ok(found),
                     _ => {}
                 }
@@ -189,6 +191,9 @@ impl Engine {
                 continue;
             }
             first = s;
+            let crosses = matches!(self.watches[l], Watch::Enter { .. } | Watch::Guard { back: false, .. });
+            let unseen = if crosses { self.grazes(l, power) } else { None };
+            shallow = unseen.is_some_and(|unseen| bernstein::dips(c, unseen));
             let (v, dv) = (bernstein::value(c, s), bernstein::slope(c, s));
             let slope = match power {
                 0 => dv,
@@ -203,7 +208,7 @@ impl Engine {
                 return Ok(Found::Coarse(e));
             }
         }
-        self.one_sided |= self.grazed < first;
+        self.one_sided |= self.grazed < first || shallow;
         if let (Some(c), true) = (&self.touched, first < f64::INFINITY) {
             // what comes behind a switch does not happen
             if c.t >= self.step.t + first * self.step.h {
@@ -338,17 +343,32 @@ impl Engine {
 
     /// Least value of a watched function that is not told from one that touches zero: the local tolerances of the states, projected on it, a few
     /// times. None where its zero means something else, or has been divided out.
-    fn grazes(&self, l: usize, power: usize) -> Option<f64> {
-        let w = self.watches[l];
-        let passes = match w {
-            Watch::Enter { .. } | Watch::Guard { back: false, .. } => true,
-            Watch::Contact { what, .. } => what == ContactWatch::Gap,
-            Watch::Guard { .. } | Watch::Leave { .. } => false,
+    fn grazes(&mut self, l: usize, power: usize) -> Option<f64> {
+        if power > 0 {
+            return None;
+        }
+        let (w, s) = (self.watches[l], &self.step);
+        let reach = match w {
+            Watch::Contact { contact, what: ContactWatch::Gap, .. } => {
+                // sizes that are kept are those of where the contact was looked at first
+                let row = &mut self.scene.row;
+                row.clear();
+                row.resize(self.field.n_z, 0.0);
+                let known =
+                    self.field.with_contacts(s.t + s.h, &s.x1, |c, at, _| c.dynamics.gap_gradient(at, contact, row));
+                if !matches!(known, Some(Ok(()))) {
+                    return None;
+                }
+                self.field.sum_of_sizes(row[..self.nx].iter().copied().enumerate(), &s.x1)
+            }
+            Watch::Enter { .. } | Watch::Guard { back: false, .. } => {
+                let dq = if self.field.constant_gradients() { &self.dq0 } else { &self.dq1 };
+                w.scale(dq, &self.field, s.t, &s.x1).reach
+            }
+            Watch::Contact { .. } | Watch::Guard { .. } | Watch::Leave { .. } => return None,
         };
-        let dq = if self.field.constant_gradients() { &self.dq0 } else { &self.dq1 };
-        let loosest = self.rtol.iter().fold(0.0f64, |m, v| m.max(*v));
         // sizes of states are not below `atol / rtol`
-        (passes && power == 0).then(|| GRAZES * loosest * w.scale(dq, &self.field, self.step.t, &self.step.x1).reach)
+        Some(GRAZES * self.rtol.iter().fold(0.0f64, |m, v| m.max(*v)) * reach)
     }
 
     /// A watched function touches zero at relative time `s`.
