@@ -137,6 +137,26 @@ impl Tape {
         self.entries.push(Entry::Jump { at, first: log.0, log: log.1, n });
     }
 
+    /// The last jump goes on: behind its resets come these, and another velocity. Steps since then that are shorter than rounding are left out.
+    pub(super) fn jump_again(&mut self, t: f64, after: &[f64], resets: &[f64], rounding: f64) {
+        while let Some(Entry::Explicit { at, t: from, end, .. } | Entry::Implicit { at, t: from, end, .. }) =
+            self.entries.last()
+        {
+            if end - from > rounding {
+                break;
+            }
+            self.data.truncate(*at);
+            self.entries.pop();
+        }
+        let Some(Entry::Jump { at, n, .. }) = self.entries.last_mut() else { return self.gap(t) };
+        let nx = after.len();
+        // with the times of `n` resets, `row + 2 nx + n nx (row + 1)` numbers
+        let row = (self.data.len() - *at - 2 * nx - *n * nx) / (1 + *n * nx);
+        self.data[*at + row + nx..*at + row + 2 * nx].copy_from_slice(after);
+        self.data.extend_from_slice(resets);
+        *n += resets.len() / (nx * (row + 1));
+    }
+
     /// Behind this, derivatives with respect to what these rows do not vanish for are not known.
     pub(super) fn part(&mut self, rows: &[f64], sizes: &[f64]) {
         let at = self.data.len();

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import switchback as swb
-from switchback import ImpactKind, cos, sin
+from switchback import cos, sin
 from switchback.expr import Model, where
 
 TOLERANCES = {"rtol": 1e-11, "atol": 1e-12}
@@ -116,9 +116,6 @@ def test_corners_of_any_angle(law):
         e = rng.uniform(0.3, 1, 2) if k % 3 or law != "newton" else np.zeros(2)
         normals = np.array([[np.cos(a), np.sin(a)] for a in (angle, angle + wide)])
         s, x, t = corner(rng, normals, rng.uniform(0.3, 3, 2), e, law)
-        impacts = s.simulate(x[:2], x[2:], t + 0.05, **TOLERANCES).impacts
-        if any(i.kind == ImpactKind.LAST for i in impacts):
-            continue  # rounding closes a contact that has just opened
         _, known = check(s, x, t + 0.05, endless=not e.any())
         found += known.all()
     assert found > 0

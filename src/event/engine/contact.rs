@@ -303,13 +303,16 @@ impl Engine {
             Watch::Contact { contact, what, .. } => Some((contact, what)),
             _ => None,
         });
-        let mut rate = slope;
+        let (mut rate, mut again) = (slope, false);
         if let Some(l) = l {
             self.arrive()?;
             let own = self.watches[l].rate_in(&self.field.q, &self.field.dq, &self.field, &self.f);
             rate = if own.is_finite() { own } else { slope };
             self.field.renew_sizes(self.t, &self.x, event.map(|e| e.0))?;
-            self.differentiate_time(l)?;
+            again = event.is_some_and(|e| self.closes_again(e, rate));
+            if !again {
+                self.differentiate_time(l)?;
+            }
         } else {
             self.f.fill(0.0);
             let r = self.field.rhs(self.t, &self.x, &mut self.node);
@@ -321,7 +324,7 @@ impl Engine {
         }
         self.f_before.copy_from_slice(&self.f);
         let recorded = self.sens.is_some() || self.tape.is_some();
-        let meeting = if recorded { self.meeting(event)? } else { None };
+        let meeting = if recorded && !again { self.meeting(event)? } else { None };
         let together = match meeting {
             Some(m) => Some((self.follow_orders(&m, length)?, m, self.sens.as_ref().map(|s| s.s.clone()))),
             None => None,
@@ -371,7 +374,7 @@ impl Engine {
         let met = match together {
             Some((orders, meeting, before)) => self.differentiate_meeting(&meeting, orders, before, start)?,
             None => {
-                self.differentiate_impacts(start);
+                self.differentiate_impacts(start, again);
                 Met::default()
             }
         };
@@ -404,12 +407,23 @@ impl Engine {
         Ok(())
     }
 
+    /// Does a contact that an event has left at this very time close at a rate that is rounding? Its time is that of the event: a rate which is
+    /// rounding says nothing of how it changes.
+    fn closes_again(&self, (contact, what): (usize, ContactWatch), rate: f64) -> bool {
+        let since = self.t - self.scene.left.get(contact).copied().unwrap_or(f64::NEG_INFINITY);
+        let size = self.field.scene().map_or(0.0, |c| c.sizes[contact][3]);
+        what == ContactWatch::Gap && since <= 64.0 * EPS * self.t.abs() && rate.abs() <= AT_REST * size
+    }
+
     /// Derivatives behind an event, of which all that happens does so at the same time also nearby.
-    pub(super) fn differentiate_impacts(&mut self, start: usize) {
+    /// What happens `again` does so at the time of the event before it.
+    pub(super) fn differentiate_impacts(&mut self, start: usize, again: bool) {
         if let Some(s) = &mut self.sens {
             s.advance(&self.f, -1.0);
         }
-        if let Some(tape) = &mut self.tape {
+        if let Some(tape) = self.tape.as_mut().filter(|_| again) {
+            tape.jump_again(self.t, &self.f, &self.scene.resets, 64.0 * EPS * self.t.abs());
+        } else if let Some(tape) = &mut self.tape {
             let n_c = self.time_row.len() - 1;
             tape.jump(
                 (self.switches.len(), start),

@@ -439,7 +439,7 @@ impl Engine {
         let kinds = |kind| self.impacts[start..].iter().any(|i| i.kind == kind);
         if !kinds(ImpactKind::Painleve) && (self.scene.merges || kinds(ImpactKind::Last)) {
             // the orders differ by no more than the tolerances see of these impacts
-            self.differentiate_impacts(start);
+            self.differentiate_impacts(start, false);
             self.one_sided = true;
             return Ok(Met::default());
         }
@@ -459,7 +459,7 @@ impl Engine {
                 if let (Some(s), Some(behind)) = (&mut self.sens, behind) {
                     s.s = behind;
                 }
-                self.differentiate_impacts(start);
+                self.differentiate_impacts(start, false);
                 if let Some(s) = &mut self.sens {
                     s.lose(&columns);
                     self.impacts[start..].iter_mut().filter(|i| !i.dt.is_empty()).for_each(|i| i.dt.clone_from(&s.dt));
