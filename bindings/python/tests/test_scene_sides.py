@@ -126,7 +126,7 @@ def test_flat_landings():
     rng = np.random.default_rng(3)
     for k in range(N):
         w, h, y, g = rng.uniform(0.05, 0.5), rng.uniform(0.05, 0.5), rng.uniform(0.1, 1), rng.uniform(1, 10)
-        mu, e = (rng.uniform(0.1, 1) if k % 2 else 0.0), rng.uniform(0.1, 0.9)
+        mu, e = (rng.uniform(0.1, 1) if k % 2 else 0.0), (0.0 if k % 5 == 0 else rng.uniform(0.1, 0.9))
         s = swb.Scene("x y a")
         s.inertia([1, 1, (w * w + h * h) / 3])
         s.force([0, -g, 0])
@@ -137,7 +137,7 @@ def test_flat_landings():
         t = np.sqrt(2 * (y - h) / g) if y > h else 0.0
         if t < 0.05:
             y, t = h + 0.1, np.sqrt(0.2 / g)
-        _, known = check(s, [0, y, 0, rng.uniform(-1, 1), 0, 0], t + 0.3 * t * e)
+        _, known = check(s, [0, y, 0, rng.uniform(-1, 1), 0, 0], t + 0.3 * t * max(e, 0.1), endless=e == 0)
         assert known[[0, 1, 3, 4]].all()
 
 

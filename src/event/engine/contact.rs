@@ -360,7 +360,9 @@ impl Engine {
         let t = self.t;
         let SceneRoom { left, touching, .. } = &mut self.scene;
         left.resize(self.field.active.len(), f64::NEG_INFINITY);
-        touching.iter().for_each(|i| left[*i] = t);
+        // what has been struck may have a rate beyond rounding that is none
+        let struck = self.impacts[start..].iter().map(|i| i.contact);
+        touching.iter().copied().chain(struck).for_each(|i| left[i] = t);
         if self.scene.merges {
             self.stats.accumulations += 1;
             self.one_sided = true;

@@ -421,7 +421,10 @@ impl Engine {
         let reference = meeting.free.iter().position(|i| meeting.event == Some(*i));
         let dt = reference.map_or_else(|| vec![0.0; n_z - 1], |k| of(&gradients[k]));
         let (mut rows, mut sizes) = (Vec::new(), Vec::new());
-        for (_, (g, rate)) in gradients.iter().enumerate().filter(|(k, _)| reference != Some(*k)) {
+        for (k, (g, rate)) in gradients.iter().enumerate() {
+            if reference == Some(k) {
+                continue;
+            }
             rows.extend(g.iter().zip(&dt).map(|(g, dt)| g + rate * dt));
             sizes.extend(g.iter().zip(&dt).map(|(g, dt)| g.abs() + (rate * dt).abs()));
         }
