@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import switchback as swb
-from switchback import cos, sin
-from switchback.expr import Model, where
+import switchback_control as swb
+from switchback_control import cos, sin
+from switchback_control.expr import Model, where
 
 TOLERANCES = {"rtol": 1e-11, "atol": 1e-12}
 FINE = {"rtol": 1e-13, "atol": 1e-14}
