@@ -62,7 +62,7 @@ pub use crate::settings::{
     AmbiguityPolicy as Ambiguity, Integration as Method, Selection, Sensitivity, ZenoPolicy as Zeno,
 };
 pub use adjoint::{Gradient, Term};
-pub use engine::{Engine, Progress};
+pub use engine::{Engine, Poll, Progress};
 pub use field::MODES_ON_DEMAND;
 pub use path::Path;
 pub use settings::Options;

@@ -2,11 +2,13 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::{listening, modes_of, subsystem, Ending, Record};
 use crate::error::{Error, Result};
-use crate::event::{self, Branching, Decider, Engine, Gradient, Options, Outcome, Progress, Run, Statistics, Term};
+use crate::event::{
+    self, Branching, Decider, Engine, Gradient, Options, Outcome, Poll, Progress, Run, Statistics, Term,
+};
 use crate::memory;
 use crate::settings::{LogLevel, Settings, Value};
 use crate::stop::Stop;
@@ -27,15 +29,10 @@ pub enum StepKind {
 
 /// Told of every accepted step; `false` stops.
 pub type Watch = Box<dyn FnMut(&Engine, StepKind) -> bool + Send>;
-/// Asked now and then while a call runs; `false` stops.
-pub type Poll = Box<dyn FnMut() -> bool + Send>;
 /// Chooses a continuation where there are several: its place, or none to leave it to the options.
 pub type Decide = Arc<dyn Fn(&Branching, &[i64]) -> Option<usize> + Send + Sync>;
 /// Takes a line of the log.
 pub type Lines = Arc<dyn Fn(LogLevel, &str) + Send + Sync>;
-
-/// From one poll to the next: at once for a person, and long compared with what a callback costs.
-const POLL: Duration = Duration::from_millis(10);
 
 /// A value that one thread at a time uses, inside an object that several may read.
 struct Own<T>(Mutex<T>);
@@ -79,7 +76,8 @@ pub struct Integrator {
     seconds: f64,
     interrupt: Arc<AtomicBool>,
     watch: Own<Option<Watch>>,
-    poll: Own<Option<Poll>>,
+    /// The caller asks as well.
+    has_poll: bool,
     lines: Option<Lines>,
 }
 
@@ -108,7 +106,7 @@ impl Integrator {
         let n_modes = modes_of(&system);
         let preferred = vec![Vec::new(); n_modes.len()];
         let engine = build(&system, &settings, &None, &preferred)?;
-        Ok(Integrator {
+        let mut integrator = Integrator {
             settings,
             tolerances: None,
             preferred,
@@ -131,10 +129,12 @@ impl Integrator {
             engine: Own::new(engine),
             interrupt: interrupt.clone(),
             watch: Own::new(None),
-            poll: Own::new(None),
+            has_poll: false,
             lines: None,
             system,
-        })
+        };
+        integrator.set_poll(None);
+        Ok(integrator)
     }
 
     /// Sets one option by its name; taken over as [`Integrator::set_settings`].
@@ -199,7 +199,10 @@ impl Integrator {
 
     /// Who is asked about every hundredth of a second whether a call is to go on.
     pub fn set_poll(&mut self, poll: Option<Poll>) {
-        *self.poll.get() = poll;
+        self.has_poll = poll.is_some();
+        let interrupt = self.interrupt.clone();
+        let mut poll = poll.unwrap_or_else(|| Box::new(|| true));
+        self.engine.get().set_poll(Some(Box::new(move || !interrupt.load(Ordering::Relaxed) && poll())));
     }
 
     /// Who takes lines of the log.
@@ -230,6 +233,7 @@ impl Integrator {
             engine.reinit(t, x)?;
             engine.set_controls(&self.u)?;
             engine.set_params(&self.p)?;
+            engine.set_poll(self.engine.get().set_poll(None));
             self.engine = Own::new(engine);
             self.set_decider(self.decide.clone());
             (self.stale, self.broken) = (false, false);
@@ -316,9 +320,9 @@ impl Integrator {
         let (mut stopped, mut kind) = (false, StepKind::Done);
         let mut logged = self.stats.switches;
         let level = self.settings.verbosity();
-        let (engine, watch, poll) = (self.engine.get(), self.watch.get(), self.poll.get());
+        let (engine, watch, has_poll) = (self.engine.get(), self.watch.get(), self.has_poll);
         let stop_times = &self.stop_times;
-        let mut next_poll = clock + POLL;
+        engine.begin_polls();
         let (lines, interrupt) = (&self.lines, &self.interrupt);
         let result = listening(|| loop {
             if interrupt.swap(false, Ordering::Relaxed) {
@@ -345,15 +349,13 @@ impl Integrator {
                 stopped = true;
                 return Ok(());
             }
-            if one {
+            if (has_poll || engine.is_unmade()) && engine.is_to_end() {
+                interrupt.store(false, Ordering::Relaxed);
+                stopped = true;
                 return Ok(());
             }
-            if let Some(p) = poll.as_mut().filter(|_| Instant::now() >= next_poll) {
-                if !p() {
-                    stopped = true;
-                    return Ok(());
-                }
-                next_poll = Instant::now() + POLL;
+            if one {
+                return Ok(());
             }
         });
         self.seconds += clock.elapsed().as_secs_f64();

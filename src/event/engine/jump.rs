@@ -6,6 +6,7 @@
 //! derivatives are those of the side on which the transitions happen in this order.
 
 use std::collections::HashMap;
+use std::sync::atomic::Ordering;
 
 use super::{recover, Engine, Progress, EPS};
 use crate::error::{Error, Result};
@@ -151,7 +152,23 @@ impl Engine {
         }
     }
 
-    /// Makes transition `guard`, and those that hold behind it. The velocity is that before.
+    /// Is the call that runs to end?
+    fn is_called_off(&mut self) -> bool {
+        let flagged = self.interrupt.as_ref().is_some_and(|f| f.load(Ordering::Relaxed));
+        flagged || stop::requested().is_some() || self.is_to_end()
+    }
+
+    /// Makes the transitions that the last call has left, see [`Engine::make`].
+    pub(super) fn make_rest(&mut self) -> Result<Progress> {
+        self.unmade = false;
+        if !recover(self.make_held().map(|()| true), false)? {
+            return Ok(self.fail(Outcome::NoContinuation, "the system is not defined behind a transition".into()));
+        }
+        Ok(Progress::Switched)
+    }
+
+    /// Makes transition `guard`, and those that hold behind it. The velocity is that before. There may be many of them: a call that is to end
+    /// leaves some to the next one.
     fn make(&mut self, guard: usize, rate: f64) -> std::result::Result<(), EvalError> {
         let mut before = self.field.active.clone();
         self.f_before.copy_from_slice(&self.f);
@@ -165,12 +182,14 @@ impl Engine {
         let mut log = (self.switches.len(), start);
         let length = self.usual_step();
         while let Some((g, vanishes)) = next {
+            if made > 0 && self.is_called_off() {
+                // what has been made is complete; the next step begins with the others, at the same time
+                self.unmade = true;
+                break;
+            }
             if let Some(text) = cascade.endless(g, &self.x) {
                 self.fail(Outcome::NoContinuation, text);
                 return Ok(());
-            }
-            if stop::requested().is_some() {
-                return Err(EvalError::Stopped);
             }
             made += 1;
             if vanishes && recorded {

@@ -1,12 +1,14 @@
 //! How an engine is made, and how it begins anew.
 
+use std::time::Instant;
+
 use super::accumulation::Recent;
 use super::chatter::Window;
 use super::contact::SceneRoom;
 use super::control::{Cut, FirstStep, Pace};
 use super::limit_set::Shrinking;
 use super::record::Sampled;
-use super::{Engine, EPS};
+use super::{Engine, Polls, EPS};
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
 use crate::event::bernstein::{Sampler, NODES};
@@ -166,6 +168,7 @@ impl Engine {
             reset: Reset::new(nx, n_z),
             time_row: vec![0.0; n_z],
             flat: None,
+            unmade: false,
             levels: vec![0.0; n_q],
             powers: std::array::from_fn(|_| vec![0.0; nx]),
             nonzero: Vec::new(),
@@ -174,6 +177,7 @@ impl Engine {
             one_sided: false,
             ambiguous: false,
             interrupt: None,
+            polls: Polls { ask: None, next: Instant::now(), to_end: false },
             refused: false,
             field,
         })
@@ -194,7 +198,7 @@ impl Engine {
         for a in &mut self.field.active {
             a.clear();
         }
-        self.restart = true;
+        (self.restart, self.unmade) = (true, false);
         self.h = 0.0;
         self.first_steps.fill(FirstStep::default());
         self.entered = None;

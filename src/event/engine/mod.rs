@@ -22,6 +22,7 @@ mod transition;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use self::accumulation::Recent;
 use self::chatter::Window;
@@ -226,6 +227,8 @@ pub struct Engine {
     discrete: Vec<usize>,
     /// The last transition made.
     reset: Reset,
+    /// The last call was ended between transitions of one time.
+    unmade: bool,
     /// Derivatives of the time of a switch.
     time_row: Vec<f64>,
     /// What the zero that the last step ended at was like, if it was of higher order.
@@ -242,6 +245,7 @@ pub struct Engine {
     /// Had it a choice: did several active sets continue the motion somewhere?
     ambiguous: bool,
     interrupt: Option<Arc<AtomicBool>>,
+    polls: Polls,
     /// The last step was not begun for lack of memory.
     refused: bool,
 }
@@ -250,6 +254,33 @@ pub struct Engine {
 const SWITCHES: usize = 8;
 /// An implicit step so much longer than another is looked at on its own.
 const SHORTER: f64 = 8.0;
+/// Asked now and then while a call runs; `false` ends it.
+pub type Poll = Box<dyn FnMut() -> bool + Send>;
+
+/// From one question to the next: at once for a person, and long compared with what a callback costs.
+const POLL: Duration = Duration::from_millis(10);
+
+/// Whether a call is to go on.
+struct Polls {
+    ask: Option<Poll>,
+    next: Instant,
+    to_end: bool,
+}
+
+impl Polls {
+    fn begin(&mut self) {
+        (self.to_end, self.next) = (false, Instant::now() + POLL);
+    }
+
+    fn is_to_end(&mut self) -> bool {
+        if let Some(ask) = self.ask.as_mut().filter(|_| !self.to_end && Instant::now() >= self.next) {
+            self.to_end = !ask();
+            self.next = Instant::now() + POLL;
+        }
+        self.to_end
+    }
+}
+
 /// Shorter logs grow as they will.
 const LONG_LOG: usize = 1024;
 
@@ -289,6 +320,27 @@ impl Engine {
     /// Without one the run stops there.
     pub fn set_arbiter(&mut self, arbiter: Option<Arbiter>) {
         self.arbiter = arbiter;
+    }
+
+    /// Who is asked about every hundredth of a second whether a call is to go on: by [`Engine::is_to_end`], and between the transitions of one
+    /// time, of which there may be many. What asked before is given back.
+    pub fn set_poll(&mut self, poll: Option<Poll>) -> Option<Poll> {
+        std::mem::replace(&mut self.polls.ask, poll)
+    }
+
+    /// A call begins.
+    pub fn begin_polls(&mut self) {
+        self.polls.begin();
+    }
+
+    /// Is the call to end? Asks, if it is time to.
+    pub fn is_to_end(&mut self) -> bool {
+        self.polls.is_to_end()
+    }
+
+    /// Was the call ended between transitions of one time? The next one goes on with those that are left.
+    pub fn is_unmade(&self) -> bool {
+        self.unmade
     }
 
     /// A flag another thread may raise: the call that runs ends with [`Error::Interrupted`] after the step.
@@ -484,6 +536,9 @@ impl Engine {
             return Err(Error::Interrupted);
         }
         stop::check()?;
+        if self.unmade && !self.restart && self.outcome == Outcome::Reached {
+            return self.make_rest();
+        }
         if self.outcome != Outcome::Reached || self.t == t_stop {
             return Ok(Progress::Done);
         }

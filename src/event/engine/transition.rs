@@ -36,6 +36,8 @@ impl Engine {
         }
         self.check_discrete()?;
         self.time_row.fill(0.0);
+        // transitions that the last call has left happen at a time of their own, while data change at this one
+        self.one_sided |= std::mem::take(&mut self.unmade);
         if !recover(self.make_held().map(|()| true), false)? {
             self.fail(Outcome::NoContinuation, "the system is not defined behind a transition".into());
         }
