@@ -42,7 +42,7 @@ pub use branch::{Exit, Violation};
 pub use clearance::{Clearance, Piece};
 pub use inside::Inside;
 pub use layout::{Boundary, Durations, Options, PathAt, PathConstraint, PathPairs, Spec, Terminal};
-pub use outer::StatePoint;
+pub use outer::{Row, StatePoint};
 pub use places::{Part, Place, Role, RowMeaning, Trouble, VariableMeaning};
 pub use problem::Fesd;
 pub use sizes::Sizes;

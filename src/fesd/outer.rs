@@ -19,6 +19,18 @@ pub struct StatePoint {
     pub at: usize,
 }
 
+/// A constraint at a point of time.
+#[derive(Debug, Clone)]
+pub struct Row {
+    /// Its row.
+    pub row: usize,
+    pub value: f64,
+    /// What is not zero of its gradient: variables and derivatives.
+    pub gradient: Vec<(usize, f64)>,
+    /// Does it hold all the time, so that it goes with a switch where it acts at one?
+    pub along: bool,
+}
+
 fn acts_on_controls(c: &PathConstraint, row: usize) -> bool {
     let d = c.f.dims();
     (d.x..d.x + d.u).any(|j| c.f.jac_pattern().rows(j).contains(&row))
@@ -169,17 +181,28 @@ impl Fesd {
         [&self.layout().row_terminal, &self.layout().row_boundary]
     }
 
-    /// The rows of the constraints at the ends of the horizon, their values, and their gradients `[n]` at the point where
-    /// [`Fesd::outer_gradient`] was called last.
-    pub fn end_gradients(&self) -> Vec<(usize, f64, Vec<f64>)> {
-        let mut out = Vec::new();
-        for (c, &row) in self.end_calls() {
-            let n = self.functions[c.f].n_out();
-            for r in 0..n {
-                let (mut unit, mut gradient) = (vec![0.0; n], vec![0.0; self.layout().n]);
-                unit[r] = 1.0;
-                self.add_gradient(c, &unit, &mut gradient);
-                out.push((row + r, self.cache.val[c.val + r], gradient));
+    /// The constraints at the ends of the horizon, at the point where [`Fesd::outer_gradient`] was called last.
+    pub fn end_gradients(&self) -> Vec<Row> {
+        self.end_calls().flat_map(|(c, &row)| self.rows_of(c, row, false)).collect()
+    }
+
+    /// The constraints along the path at all of their points, in the same way.
+    pub fn path_gradients(&self) -> Vec<Row> {
+        let calls = self.path_points().zip(self.path.iter().zip(&self.path_rows));
+        calls
+            .flat_map(|((k, _), (c, &row))| self.rows_of(c, row, self.spec.path[k].at != PathAt::ControlGrid))
+            .collect()
+    }
+
+    /// The rows of a call, the first of which is `first`.
+    fn rows_of(&self, c: &Call, first: usize, along: bool) -> Vec<Row> {
+        let value = |r: usize| self.cache.val[c.val + r];
+        let row = |r: usize| Row { row: first + r, value: value(r), gradient: Vec::new(), along };
+        let mut out: Vec<Row> = (0..self.functions[c.f].n_out()).map(row).collect();
+        for (p, &(col, row)) in self.jac_cols[c.f].iter().enumerate() {
+            let derivative = self.cache.jac[c.jac + p];
+            if let Some(v) = self.var(c, col).filter(|_| derivative != 0.0) {
+                out[row as usize].gradient.push((v, derivative));
             }
         }
         out

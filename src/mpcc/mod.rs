@@ -34,7 +34,7 @@ mod scaling;
 mod search;
 #[rustfmt::skip]
 mod settings;
-mod simplex;
+pub(crate) mod simplex;
 mod sizes;
 mod solver;
 mod tangent;

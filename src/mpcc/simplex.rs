@@ -23,7 +23,7 @@ const MOST: usize = 50;
 
 /// What is known of a program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Found {
+pub(crate) enum Found {
     /// A point within all bounds, and, where there is an objective, the best one.
     Point,
     /// There is none: shown by a combination of the rows.
@@ -36,7 +36,7 @@ pub(super) enum Found {
 
 /// A program, its basis and the point or ray found last. Variables are numbered through: those of the program, then the rows.
 #[derive(Debug, Clone)]
-pub(super) struct Simplex {
+pub(crate) struct Simplex {
     n: usize,
     m: usize,
     /// Rows as they were given, scaled, `[m · n]` by rows.
@@ -120,10 +120,7 @@ impl Simplex {
         if crossed {
             return Found::Infeasible;
         }
-        for k in 0..self.n {
-            let v = self.nonbasic[k];
-            self.value[v] = nearest(self.value[v], self.lower[v], self.upper[v]);
-        }
+        self.to_bounds();
         for pivots in 0.. {
             self.update_values();
             let mut violated = false;
@@ -160,6 +157,8 @@ impl Simplex {
             return if largest == 0.0 { Found::Point } else { Found::Nothing };
         }
         let c: Vec<f64> = c.iter().zip(&self.unit).map(|(c, s)| c * s / largest).collect();
+        // the check of a point has computed its rows: rounding off its bound, one that holds it would seem to have room towards it
+        self.to_bounds();
         for pivots in 0.. {
             self.update_values();
             for k in 0..self.n {
@@ -187,6 +186,14 @@ impl Simplex {
             }
         }
         Found::Nothing
+    }
+
+    /// Variables outside of the basis are at a bound where they have one.
+    fn to_bounds(&mut self) {
+        for k in 0..self.n {
+            let v = self.nonbasic[k];
+            self.value[v] = nearest(self.value[v], self.lower[v], self.upper[v]);
+        }
     }
 
     fn is_over(&self, pivots: usize, goes_on: &dyn Fn() -> bool) -> bool {

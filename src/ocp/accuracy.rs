@@ -55,6 +55,8 @@ pub struct Accuracy {
     /// the simulation reaches the end.
     differences: Vec<f64>,
     sizes: Vec<f64>,
+    /// Share of its size by which a quantity may be off because the simulation is.
+    noise: f64,
     /// The largest violation of every row of the path constraints and of every bound of a state in every control stage along the simulation, those
     /// that there are.
     pub along: Vec<Between>,
@@ -83,15 +85,16 @@ impl Difference {
 }
 
 /// Share of the size of a state from which a difference contradicts what is said of an answer: it is the first-order change that counts as
-/// none ([`super::optimality::NONE`]), and derivatives at another motion are off by a share of this order.
+/// none ([`super::optimality::NONE`]), and derivatives at another motion are off by a share of this order. The cost is a state of the simulation
+/// like the others: from the same share of its size on it is another one.
 const APART: f64 = super::optimality::NONE;
-/// The same, from which the motion is another one.
+/// The same, from which the motion is another one: the root of [`APART`]. Derivatives explain a difference up to terms of the order of its square,
+/// which count from here on.
 const LARGE: f64 = 1e-2;
+const _: () = assert!((LARGE * LARGE - APART).abs() <= 1e-9 * APART);
 /// Share of its size by which a state is off at the end of a stage that is simulated by itself where the simulation has nothing to do with the
 /// answer: neither an unstable system nor the error of a method makes that in one stage.
 pub(super) const ELSEWHERE: f64 = 0.5;
-/// Share of its size by which the cost of a simulation may differ from that of an answer that something is said of.
-const COST_APART: f64 = 1e-3;
 /// Multiples of its tolerance up to which a difference may be the simulation's own: its errors add up.
 const NOISE: f64 = 1e3;
 
@@ -112,6 +115,7 @@ impl Accuracy {
             elsewhere: false,
             differences: Vec::new(),
             sizes: Vec::new(),
+            noise: 0.0,
             along: Vec::new(),
             apart: None,
         }
@@ -162,7 +166,7 @@ impl Accuracy {
 
     /// Is the cost of the simulation another one than that of the answer, which has this size?
     pub(super) fn costs_otherwise(&self, cost_size: f64) -> bool {
-        self.cost_error.is_nan() || self.cost_error.abs() > COST_APART * cost_size
+        self.cost_error.is_nan() || self.cost_error.abs() > APART.max(self.noise) * cost_size
     }
 }
 
@@ -632,9 +636,10 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
         }
     }
     found.along = watch.map_or_else(Vec::new, Watch::finish);
+    found.noise = NOISE * answer.tol;
     let apart = |at: &usize| {
         let (size, usual) = (sizes[at % nx], answer.usual[at % nx]);
-        differences[*at] > APART * size && differences[*at] > NOISE * answer.tol * usual
+        differences[*at] > APART * size && differences[*at] > found.noise * usual
     };
     let share = |at: &usize| differences[*at] / sizes[at % nx];
     let worst = (0..n * nx).filter(apart).max_by(|a, b| share(a).total_cmp(&share(b)).then(b.cmp(a)));

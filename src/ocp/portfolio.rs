@@ -35,7 +35,7 @@ const STEPS: [f64; 3] = [0.01, 0.001, 0.1];
 const LONG: f64 = 0.1;
 const SIDES: usize = 3;
 /// Multiples of the elements where an answer is too inaccurate for its simulation.
-const FINER: [usize; 2] = [2, 4];
+pub(super) const FINER: [usize; 2] = [2, 4];
 /// Simulations that are started from where nothing else leads to an answer.
 const SIMULATED: usize = 5;
 /// Coarse controls that are drawn where that does not help either, and how many of them are aimed at the constraints.
@@ -50,7 +50,7 @@ const EFFORT: usize = 5_000_000;
 /// Share of the time that is left that a part of a search may take.
 pub(super) const SEARCH: f64 = 0.9;
 /// Share of the cost by which one must be lower to count as better.
-const GAIN: f64 = 1e-7;
+pub(super) const GAIN: f64 = 1e-7;
 
 /// What the answer of a problem costs when it is simulated, or what it says itself where that cannot be compared.
 pub(super) fn worth(one: &mut Ocp, request: &Request) -> Result<f64> {

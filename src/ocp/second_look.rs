@@ -6,7 +6,7 @@ use super::candidates::Candidates;
 use super::portfolio::{worth, SAME};
 use super::request::Request;
 use super::sequence::LOWEST;
-use super::Ocp;
+use super::{Ocp, OcpResult};
 use crate::error::Result;
 use crate::nlp::Control;
 use crate::stop;
@@ -19,17 +19,22 @@ const SHARE: f64 = 1.0;
 const LEAST: usize = 1000;
 const WORK: usize = 1_000_000;
 /// Random controls at most.
-const DRAWN: usize = 80;
+pub(super) const DRAWN: usize = 80;
 /// Mode programs at most, of the descents that end lowest.
 const PROGRAMS: usize = 3;
 
 impl Ocp {
+    /// Simulations that descents from other controls than those of an answer may take, behind so many iterations.
+    pub(super) fn simulations(&self, from: &OcpResult, iterations: usize) -> usize {
+        let least = if self.statement().is_cheap() { LEAST.min(WORK / from.dimensions.0.max(1)) } else { 0 };
+        ((SHARE * iterations as f64) as usize).max(least)
+    }
+
     /// Looks for a cheaper answer than the best one. Is there one?
     pub(super) fn look_again(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<bool> {
         let Some(best) = found.best.as_mut() else { return Ok(false) };
         let (Some(b), Some(from)) = (best.built.as_ref(), best.result.clone()) else { return Ok(false) };
-        let least = if self.statement().is_cheap() { LEAST.min(WORK / from.dimensions.0.max(1)) } else { 0 };
-        let most = ((SHARE * found.spent.iterations as f64) as usize).max(least);
+        let most = self.simulations(&from, found.spent.iterations);
         // the first of them is the guess
         let drawn = self.random_starts(1 + DRAWN, 0).split_off(1);
         let mut ends = self.shots(b, &from, drawn, &found.known, most)?;

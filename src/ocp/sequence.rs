@@ -19,7 +19,9 @@ pub(super) const BRIEF: f64 = 1e-4;
 /// Share of the range of a state by which the simulation may be off before it starts from the answer again.
 const OFF: f64 = 0.05;
 /// Tolerance of the simulation.
-const TOLERANCE: f64 = 1e-7;
+pub(super) const TOLERANCE: f64 = 1e-7;
+/// Points of a control stage of a projected system at which its states are taken down.
+pub(super) const SAMPLES: usize = 16;
 
 /// How much of a simulation is kept.
 #[derive(Debug, Clone, Copy)]
@@ -116,6 +118,8 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<Box<Ocp>> {
         let dcs = Dcs::new(&self.system, request.options.form)?;
+        // the multipliers of a projected system are cells of their own
+        let cells = |set: &[bool]| if self.projected.is_some() { set.to_vec() } else { dcs.from_regions(set) };
         let mut work = Box::new(self.blank());
         let mut stages = Vec::with_capacity(traced.phases.stages.len());
         for (k, (stage, duration)) in traced.phases.stages.iter().zip(&r.durations).enumerate() {
@@ -131,7 +135,7 @@ impl Ocp {
                     _ => phases.push((set, *length)),
                 }
             }
-            stages.push(phases.into_iter().map(|(set, length)| (dcs.from_regions(set), length)).collect());
+            stages.push(phases.into_iter().map(|(set, length)| (cells(set), length)).collect());
         }
         let s = Sequence { stages };
         let own = self.elements(&request.options);

@@ -257,6 +257,7 @@ impl Ocp {
                 let solved =
                     if adapts { self.adapt(start, &request, control) } else { self.search(start, &request, control) };
                 solved.map(|_| ())?;
+                self.follow_contacts(start, &request, control)?;
                 self.impose_between(&request, control)
             })
         })?;

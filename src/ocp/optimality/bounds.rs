@@ -1,4 +1,4 @@
-//! Bounds of states that switching surfaces keep. A speed `v ≥ 0` with dry friction is zero where the mass comes to rest, and stays there: the
+//! Bounds of states, and path constraints that are such bounds, that switching surfaces keep. A speed `v ≥ 0` with dry friction is zero where the mass comes to rest, and stays there: the
 //! bound acts at a point that moves with the switch, or on a state that does not move at all, and no change of the controls violates it.
 //! In the discretised problem it shares the force with the rows that keep the modes, in any ratio, so that its multiplier there says
 //! nothing.
@@ -18,12 +18,12 @@ pub(super) struct Stages<'a> {
     pub(super) controls: &'a [f64],
 }
 
-/// The variables among those at the points whose bounds act, as `z [n]` says, and that are on a switching surface of their own there:
-/// one that nothing else changes. `sizes` are those of the states.
+/// The variables among those at the points that something bounds alone, as `bounded [n]` says, and that are on a switching surface of their own
+/// there: one that nothing else changes. `sizes` are those of the states.
 pub(super) fn on_own_surfaces(
     system: &System,
     points: &[StatePoint],
-    (w, z): (&[f64], &[f64]),
+    (w, bounded): (&[f64], &[bool]),
     sizes: &[f64],
     stages: &Stages,
 ) -> Vec<usize> {
@@ -32,7 +32,7 @@ pub(super) fn on_own_surfaces(
     let mut out = Vec::new();
     // the initial state is no variable that a multiplier of a bound acts on behind it
     for at in points.iter().skip(1) {
-        if z[at.at..at.at + d.x].iter().all(|z| *z == 0.0) {
+        if !bounded[at.at..at.at + d.x].contains(&true) {
             continue;
         }
         let k = at.stage;
@@ -67,7 +67,7 @@ pub(super) fn on_own_surfaces(
                 .iter()
                 .zip(&values)
                 .filter(|((change, _, others), v)| *change > 0.0 && v.abs() <= ON * change && *others <= ON * change);
-            out.extend(on.map(|((_, j, _), _)| at.at + j).filter(|&j| z[j] != 0.0));
+            out.extend(on.map(|((_, j, _), _)| at.at + j).filter(|&j| bounded[j]));
         }
     }
     out

@@ -27,8 +27,11 @@
 
 mod bounds;
 mod controls;
+mod multipliers;
 mod simulate;
 mod slopes;
+#[cfg(test)]
+mod tests;
 
 use super::accuracy::{self, with_cost};
 use super::solve::Built;
@@ -36,8 +39,9 @@ use super::{Durations, Ocp, OcpResult};
 use crate::dcs::Dcs;
 use crate::error::{Error, Result};
 use crate::event::{self, Engine};
-use crate::fesd::{Fesd, StatePoint};
+use crate::fesd::{Fesd, Row, StatePoint};
 use crate::func::EvalError;
+use crate::nlp::Bounds;
 use crate::stop::{self, Why};
 use controls::Movable;
 use nalgebra::{DMatrix, DVector};
@@ -57,7 +61,7 @@ const NOISE: f64 = 1e3;
 /// Share of its range by which a simulated state may be off at the end of a stage, for derivatives that are those of the
 /// answer.
 const OFF: f64 = 1e-2;
-/// First-order changes, relative to those that single terms of the cost and the constraints make, that count as none: what is
+/// First-order changes, relative to those that single terms of the cost make, that count as none: what is
 /// left to gain is of the order of their square, 1e-8. Answers to programs have 1e-5 or less; what has more is looked at by descent.
 pub(super) const NONE: f64 = 1e-4;
 /// Distance from a bound, in units of the size of a quantity, at which it is reached.
@@ -71,6 +75,8 @@ pub(super) const CONTRADICTED: &str =
     "the simulation of the controls is off the answer by more than what a verdict is true within";
 /// Why the derivatives say nothing of an answer.
 const WITHOUT_DERIVATIVES: &str = "derivatives along the simulation are not finite";
+/// Where neither multipliers that prove an answer were found nor a proof that there are none.
+const UNDECIDED: &str = "whether multipliers prove the answer was not decided in time";
 /// Share of the largest distance from a surface, in terms of indicators, at which it is touched.
 const TOUCH: f64 = 1e-7;
 /// Multiples of the distance that an answer keeps from surfaces at which they are touched: it is kept up to the error of the method.
@@ -138,7 +144,7 @@ pub struct Optimality {
     /// Why it is not known, or by what else than its derivatives.
     pub reason: &'static str,
     /// The largest change of the cost to first order by one quantity within its bounds, over the size of the quantity,
-    /// relative to what single terms change.
+    /// relative to what single terms of the cost change.
     pub residual: f64,
     /// Derivatives of the cost with respect to the controls `[n_stages · nu]` (slopes, where they are linear), with the
     /// multipliers of the constraints; those at bounds included.
@@ -148,6 +154,8 @@ pub struct Optimality {
     /// Where the answer is not optimal: changes of the controls `[n_stages · nu]` that lower the cost to first order, the
     /// largest of them as large as the quantity usually is. Empty otherwise, and where controls are linear.
     pub direction: Vec<f64>,
+    /// Are there constraints along the path that act, or may act, with other multipliers than those of the answer?
+    others: bool,
     /// The same towards the sides of kinks on which the surface is not reached, or not left again: nothing but a simulation says what
     /// the cost is there.
     pub(super) beyond: Vec<Vec<f64>>,
@@ -175,7 +183,8 @@ impl Optimality {
             None if kinks.is_empty() => (Verdict::LocalOptimum, ""),
             None => (Verdict::Kink, compared),
         };
-        Optimality { verdict, reason, residual, gradient, kinks, direction: Vec::new(), beyond: Vec::new() }
+        let (direction, beyond) = Default::default();
+        Optimality { verdict, reason, residual, gradient, kinks, direction, others: false, beyond }
     }
 
     /// A descent on simulations from the answer led nowhere: it is what that says, and there is no direction.
@@ -200,12 +209,13 @@ impl Optimality {
 
     /// Is it neither an optimum nor a kink, although the controls lead to the answer?
     pub(super) fn is_open(&self) -> bool {
-        self.verdict == Verdict::NotOptimal || self.reason == WITHOUT_DERIVATIVES
+        self.verdict == Verdict::NotOptimal || [WITHOUT_DERIVATIVES, UNDECIDED].contains(&self.reason)
     }
 
     pub(super) fn unknown(reason: &'static str) -> Optimality {
         let (gradient, kinks, direction, beyond) = Default::default();
-        Optimality { verdict: Verdict::Unknown, reason, residual: f64::NAN, gradient, kinks, direction, beyond }
+        let (verdict, residual) = (Verdict::Unknown, f64::NAN);
+        Optimality { verdict, reason, residual, gradient, kinks, direction, others: false, beyond }
     }
 }
 
@@ -320,6 +330,15 @@ impl Corner {
     }
 }
 
+/// Which multipliers of constraints along the path an answer is judged with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Multipliers {
+    /// Those that it has.
+    OfAnswer,
+    /// Any that its point may have.
+    Any,
+}
+
 /// By how much a state changes over the horizon, not less than a simulation is off by itself, and its largest modulus.
 #[derive(Debug, Clone, Copy)]
 struct Extent {
@@ -344,6 +363,8 @@ struct Judge<'a> {
     /// What constraints that hold all the time add to the derivatives by these, see [`Fesd::along_gradient`]: where they act at a switch they
     /// go with it.
     along: &'a [f64],
+    /// By which variables do such constraints act, or may they?
+    acts: &'a [bool],
     /// The state of an answer that every state of the simulation is; the cost is none.
     places: Vec<Option<usize>>,
     /// Ranges of the states of the simulation.
@@ -365,28 +386,68 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-impl Judge<'_> {
-    /// The largest modulus of a control over all stages.
-    fn largest_control(&self, j: usize) -> f64 {
-        self.controls.iter().skip(j).step_by(self.n_u).fold(0f64, |m, v| m.max(v.abs()))
-    }
+/// The largest modulus of a control over all stages.
+fn largest_control(controls: &[f64], n_u: usize, j: usize) -> f64 {
+    controls.iter().skip(j).step_by(n_u).fold(0f64, |m, v| m.max(v.abs()))
 }
 
 /// What every column of the costate says of a corner; then its gradient joins its own column.
 type Sides = [Option<Vec<f64>>; 2];
 
-/// A constraint at the ends of the horizon whose multiplier may be another one than that of the answer: where the end lies
-/// on a switching surface, the rows that keep the modes share the force with it.
-struct End {
-    gradient: Vec<f64>,
-    /// What may be added to its multiplier.
-    range: [f64; 2],
+/// A constraint whose multiplier may be another one than that of the answer. Those at the ends of the horizon always may: where the end lies
+/// on a switching surface, the rows that keep the modes share the force with it. Those along the path may where constraints depend on each
+/// other, so that many multipliers belong to one point.
+struct Held {
+    gradient: Vec<(usize, f64)>,
+    /// Its multiplier at the answer, and how far it is from its lower and from its upper bound, nothing where it is at one.
+    multiplier: f64,
+    away: [f64; 2],
+    /// Does it hold all the time? Where it acts at a switch it goes with it then.
+    along: bool,
+}
+
+impl Held {
+    /// The derivative of the constraint by a variable.
+    fn by(&self, variable: usize) -> f64 {
+        self.gradient.iter().filter(|g| g.0 == variable).map(|g| g.1).sum()
+    }
+
+    /// The variable that it bounds, where it is one alone, and its derivative by that.
+    fn variable(&self) -> Option<(usize, f64)> {
+        match self.gradient[..] {
+            [one] => Some(one),
+            _ => None,
+        }
+    }
+
+    /// Of a row at `w`, with what its multiplier is and its bounds, where the multiplier may be another one; `sizes` are those of all variables.
+    fn of(row: Row, multiplier: f64, [l, u]: [f64; 2], sizes: &[f64]) -> Option<Held> {
+        // what the state can change a constraint by is its size, or else its bound
+        let size = row.gradient.iter().map(|&(v, g)| (g * sizes[v]).abs()).fold(0.0, f64::max);
+        let away = [(row.value - l, l), (u - row.value, u)].map(|(far, bound)| match far {
+            far if bound.is_finite() && far <= AT_BOUND * bound.abs().max(size) => 0.0,
+            far => far,
+        });
+        let acts = multiplier != 0.0 || away.contains(&0.0);
+        acts.then_some(Held { gradient: row.gradient, multiplier, away, along: row.along })
+    }
+
+    /// What may be added to its multiplier: it keeps the sign of the bound that it is at. One that is at none may lose it.
+    fn range(&self) -> [f64; 2] {
+        let [low, high] = self.away.map(|far| if far == 0.0 { f64::INFINITY } else { 0.0 });
+        let own = self.multiplier;
+        [(-low).min(own).min(0.0) - own, high.max(own).max(0.0) - own]
+    }
 }
 
 /// What acts from outside the dynamics, see [`Fesd::outer_gradient`].
 struct Outer {
     gradient: Vec<f64>,
-    ends: Vec<End>,
+    /// The same of the costs alone.
+    cost: Vec<f64>,
+    /// Constraints whose multipliers may be others: first those at the ends of the horizon.
+    held: Vec<Held>,
+    n_ends: usize,
     /// The state that is the time.
     clock: Option<usize>,
 }
@@ -395,12 +456,11 @@ impl Outer {
     /// Do constraints hold the state, whose variables begin at `at`, on a surface with the gradient `normal`? Then no change that they allow
     /// passes it.
     fn holds(&self, judge: &Judge, at: usize, normal: &[f64]) -> bool {
-        let of = |e: &End, p: &Option<usize>| p.map_or(0.0, |i| e.gradient[at + i]);
-        let a = DMatrix::from_fn(normal.len(), self.ends.len(), |i, j| {
-            judge.ranges[i] * of(&self.ends[j], &judge.places[i])
-        });
+        let ends = &self.held[..self.n_ends];
+        let of = |e: &Held, p: &Option<usize>| p.map_or(0.0, |i| e.by(at + i));
+        let a = DMatrix::from_fn(normal.len(), ends.len(), |i, j| judge.ranges[i] * of(&ends[j], &judge.places[i]));
         let b = DVector::from_fn(normal.len(), |i, _| judge.ranges[i] * normal[i]);
-        if self.ends.is_empty() || !a.iter().chain(b.iter()).all(|v| v.is_finite()) {
+        if ends.is_empty() || !a.iter().chain(b.iter()).all(|v| v.is_finite()) {
             return false;
         }
         let norms: Vec<f64> = a.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
@@ -418,6 +478,16 @@ impl Ocp {
         if self.projected.is_some() {
             return self.judge_by_descent(r, b);
         }
+        let found = self.judge_with(r, b, Multipliers::OfAnswer)?;
+        // the program's multipliers may not be the only ones: before an answer is called none, others are looked for
+        if found.verdict != Verdict::NotOptimal || !found.others {
+            return Ok(found);
+        }
+        self.judge_with(r, b, Multipliers::Any)
+    }
+
+    /// The same, with the multipliers of constraints along the path that the answer has, or with any that belong to its point.
+    fn judge_with(&self, r: &OcpResult, b: &mut Built, which: Multipliers) -> Result<Optimality> {
         let e = &b.extended;
         if e.system.n_algebraic() > 0 || !e.system.inclusions().is_empty() || !e.complementarity.is_empty() {
             return Ok(Optimality::unknown(
@@ -427,8 +497,10 @@ impl Ocp {
         let d = e.system.dims();
         let solution = b.solver.solution();
         let (w, y, z) = (solution.x.clone(), solution.y.clone(), solution.z.clone());
-        let mut gradient = match b.problem.outer_gradient(&w, &y, &z) {
-            Ok(g) => g,
+        let none = (vec![0.0; y.len()], vec![0.0; z.len()]);
+        let mut outer = |y: &[f64], z: &[f64]| b.problem.outer_gradient(&w, y, z);
+        let (cost_alone, mut gradient) = match outer(&none.0, &none.1).and_then(|cost| Ok((cost, outer(&y, &z)?))) {
+            Ok(both) => both,
             Err(EvalError::Stopped) => return Err(stop::error()),
             Err(_) => return Ok(Optimality::unknown("a function of the model has no value at the answer")),
         };
@@ -447,10 +519,6 @@ impl Ocp {
             params: &all_params(&b.problem, &b.extended.params, d.p, &w),
             controls: &controls.iter().flat_map(|&u| w[u..u + d.u].to_vec()).collect::<Vec<f64>>(),
         };
-        for j in bounds::on_own_surfaces(&e.system, &points, (&w, &z), &usual, &stages) {
-            gradient[j] += z[j];
-            along[j] += z[j];
-        }
         let cost = Extent { range: 0.0, size: self.cost_size(r.cost) };
         let extent = |p: &Option<usize>| {
             p.map_or(cost, |i| Extent::of(points.iter().map(|p| w[p.at + i]), accuracy::LITTLE * usual[i]))
@@ -460,25 +528,44 @@ impl Ocp {
         let sizes: Vec<f64> = extents.iter().map(|e| e.size).collect();
         let tight = accuracy::tolerances(TOLERANCE, &sizes);
         let options = event::Options { sensitivity: true.into(), max_steps: MAX_STEPS, ..tight };
-        let ends = b.problem.end_gradients().into_iter().filter_map(|(row, value, gradient)| {
-            let (l, u) = (b.bounds.cl[row], b.bounds.cu[row]);
-            // what the state can change a constraint by is its size, or else its bound
-            let change = |p: &StatePoint| {
-                of_states.iter().enumerate().map(|(i, e)| (gradient[p.at + i] * e.size).abs()).fold(0.0, f64::max)
-            };
-            let size = points.iter().map(change).fold(0.0, f64::max);
-            // of an inequality the multiplier keeps its sign
-            let at = |bound: f64| (value - bound).abs() <= AT_BOUND * bound.abs().max(size);
-            let low = if at(l) { f64::NEG_INFINITY } else { -y[row].max(0.0) };
-            let high = if at(u) { f64::INFINITY } else { -y[row].min(0.0) };
-            (low < high).then_some(End { gradient, range: [low, high] })
+        let movable = self.movable(&stages.controls, d.u);
+        let mut var_sizes = vec![0.0; w.len()];
+        for p in &points {
+            of_states.iter().enumerate().for_each(|(i, e)| var_sizes[p.at + i] = e.size);
+        }
+        for &u in &controls {
+            var_sizes[u..u + d.u].copy_from_slice(&movable.sizes);
+        }
+        let own = |row: Row| {
+            let at = row.row;
+            Held::of(row, y[at], [b.bounds.cl[at], b.bounds.cu[at]], &var_sizes)
+        };
+        let mut held: Vec<Held> = b.problem.end_gradients().into_iter().filter_map(own).collect();
+        let n_ends = held.len();
+        let mut path: Vec<Held> = b.problem.path_gradients().into_iter().filter_map(own).collect();
+        path.extend(bounds_of_states(&points, &places, (&w, &z), &b.bounds, &var_sizes));
+        let mut bounded = vec![false; w.len()];
+        path.iter().filter_map(Held::variable).for_each(|(v, _)| bounded[v] = true);
+        let kept = bounds::on_own_surfaces(&e.system, &points, (&w, &bounded), &usual, &stages);
+        path.retain(|c| {
+            let Some((v, g)) = c.variable().filter(|(v, _)| kept.contains(v)) else { return true };
+            gradient[v] -= c.multiplier * g;
+            along[v] -= if c.along { c.multiplier * g } else { 0.0 };
+            false
         });
-        let outer = Outer { gradient, ends: ends.collect(), clock: b.problem.spec().dcs.clock() };
+        let others = !path.is_empty();
+        let mut acts: Vec<bool> = along.iter().map(|a| *a != 0.0).collect();
+        if which == Multipliers::Any {
+            path.iter().filter(|c| c.along).flat_map(|c| &c.gradient).for_each(|g| acts[g.0] = true);
+            held.append(&mut path);
+        }
+        let outer = Outer { gradient, cost: cost_alone, held, n_ends, clock: b.problem.spec().dcs.clock() };
         let mut judge = Judge {
             engine: Engine::new(&system, &options)?,
             dcs,
             w: &w,
             along: &along,
+            acts: &acts,
             // the simulation itself is no better than its tolerance
             ranges: extents.iter().map(|e| e.range).collect(),
             horizon: r.durations.iter().sum(),
@@ -496,12 +583,11 @@ impl Ocp {
         if let Some(end) = points.last() {
             touches.retain(|c| c.stage < r.durations.len() || !outer.holds(&judge, end.at, &c.normal));
         }
-        let points = acting(points, &outer.gradient, d.x, &touches);
+        let points = acting(points, (&outer.gradient, &outer.held), d.x, &touches);
         let stages = Stage::all(self.t0, &r.durations, &points, &touches);
         let Some((mut legs, mut kinks)) = judge.simulate(&stages)? else {
             return Ok(Optimality::unknown(OTHER));
         };
-        let movable = self.movable(&judge);
         let held = judge.held_on_surfaces(&system, &movable, &stages, &all, &mut legs)?;
         kinks.extend(touches.into_iter().chain(held));
         if judge.departs(self.t0, &r.durations, first, &legs, &kinks)? {
@@ -509,8 +595,8 @@ impl Ocp {
         }
         let mut q = self.quantities(&judge, b, r, &outer, kinks.len());
         let sides = judge.sweep(&legs, &kinks, &outer, &mut q);
-        let ranges: Vec<[f64; 2]> = outer.ends.iter().map(|e| e.range).collect();
-        let mut found = q.verdict(&kinks, &sides, &ranges, self.system.dims().u);
+        let mut found = q.verdict(&kinks, &sides, &outer.held, self.system.dims().u);
+        found.others = others;
         if found.verdict == Verdict::Kink {
             if let Some(direction) = self.lower_across(r, b, &kinks, &movable)? {
                 (found.verdict, found.direction) = (Verdict::NotOptimal, direction);
@@ -594,21 +680,23 @@ impl Ocp {
     }
 
     /// Sizes and bounds of the controls.
-    fn movable(&self, judge: &Judge) -> Movable {
-        let bounds = self.bounds_of_controls(judge.n_u);
-        let size = |j: usize| Free::new(0.0, [bounds[0][j], bounds[1][j]], judge.largest_control(j), 0).size;
-        Movable { sizes: (0..judge.n_u).map(size).collect(), bounds }
+    fn movable(&self, controls: &[f64], n_u: usize) -> Movable {
+        let bounds = self.bounds_of_controls(n_u);
+        let size = |j: usize| Free::new(0.0, [bounds[0][j], bounds[1][j]], largest_control(controls, n_u, j), 0).size;
+        Movable { sizes: (0..n_u).map(size).collect(), bounds }
     }
 
     /// Everything that may change, with its bounds and what acts on it directly.
     fn quantities(&self, judge: &Judge, b: &Built, r: &OcpResult, outer: &Outer, n_kinks: usize) -> Quantities {
-        let n = 1 + n_kinks + outer.ends.len();
+        // the last column is that of the cost alone
+        let n = 2 + n_kinks + outer.held.len();
         let (w, problem) = (judge.w, &b.problem);
         let (own, n_u) = (self.system.dims().u, judge.n_u);
         let (x0_at, u_at) = problem.places();
         let direct = |mut f: Free, at: usize| {
             f.add(0, outer.gradient[at]);
-            outer.ends.iter().enumerate().for_each(|(r, e)| f.add(1 + n_kinks + r, e.gradient[at]));
+            outer.held.iter().enumerate().for_each(|(r, e)| f.add(1 + n_kinks + r, e.by(at)));
+            f.add(n - 1, outer.cost[at]);
             f
         };
         let linear = |j: usize| problem.ramp_places().get(j).copied().flatten();
@@ -616,7 +704,7 @@ impl Ocp {
         let control_bounds = |j: usize| [lower[j], upper[j]];
         let control = |k: usize, j: usize| {
             let bounds = if linear(j).is_some() { [f64::NEG_INFINITY, f64::INFINITY] } else { control_bounds(j) };
-            direct(Free::new(w[u_at[k] + j], bounds, judge.largest_control(j), n), u_at[k] + j)
+            direct(Free::new(w[u_at[k] + j], bounds, largest_control(&judge.controls, n_u, j), n), u_at[k] + j)
         };
         let initial = |i: usize| {
             let ramp = (0..own).find(|&j| linear(j) == Some(i));
@@ -655,17 +743,34 @@ impl Ocp {
     }
 }
 
-/// The start, first points and ends of stages, and the points in between where something acts on the first `n` states or a
+/// The bounds of the states behind the initial one whose multipliers may be others.
+fn bounds_of_states(
+    points: &[StatePoint],
+    places: &[Option<usize>],
+    (w, z): (&[f64], &[f64]),
+    bounds: &Bounds,
+    sizes: &[f64],
+) -> Vec<Held> {
+    let states = points.iter().skip(1).flat_map(|p| places.iter().flatten().map(move |i| p.at + i));
+    let row = |v: usize| Row { row: v, value: w[v], gradient: vec![(v, 1.0)], along: true };
+    states.filter_map(|v| Held::of(row(v), -z[v], [bounds.xl[v], bounds.xu[v]], sizes)).collect()
+}
+
+/// The start, first points and ends of stages, and the points in between where something acts on the first `n` states, or may act, or a
 /// surface is touched.
-fn acting(all: Vec<StatePoint>, outer: &[f64], n: usize, touches: &[Corner]) -> Vec<StatePoint> {
+fn acting(all: Vec<StatePoint>, outer: (&[f64], &[Held]), n: usize, touches: &[Corner]) -> Vec<StatePoint> {
+    let (outer, held) = outer;
     let force = |p: &StatePoint| outer[p.at..p.at + n].iter().fold(0f64, |m, v| m.max(v.abs()));
+    let mut may_act = vec![false; outer.len()];
+    held.iter().flat_map(|c| &c.gradient).for_each(|g| may_act[g.0] = true);
+    let may_act = |p: &StatePoint| may_act[p.at..p.at + n].contains(&true);
     let largest = all.iter().map(force).fold(0.0, f64::max);
     let ends: Vec<bool> =
         (0..all.len()).map(|i| i == 0 || all.get(i + 1).is_none_or(|next| next.stage != all[i].stage)).collect();
     let first = |i: usize| i <= 1 || ends[i - 1];
     let touched = |p: &StatePoint| touches.iter().any(|c| c.at() == Some(p.at));
-    let kept =
-        all.iter().enumerate().filter(|(i, p)| ends[*i] || touched(p) || first(*i) || force(p) > NOTHING * largest);
+    let acts = |p: &StatePoint| touched(p) || may_act(p) || force(p) > NOTHING * largest;
+    let kept = all.iter().enumerate().filter(|(i, p)| ends[*i] || first(*i) || acts(p));
     kept.map(|(_, p)| *p).collect()
 }
 

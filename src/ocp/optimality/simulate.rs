@@ -199,7 +199,7 @@ impl Judge<'_> {
         for (i, p) in inner.iter().enumerate() {
             let (x, here) = (self.engine.state().to_vec(), self.engine.time());
             let (mut to, margin) = (t0 + length * p.share.clamp(share, 1.0 - share), length * share);
-            let acts = i + 1 < inner.len() && self.places.iter().flatten().any(|i| self.along[p.at + i] != 0.0);
+            let acts = i + 1 < inner.len() && self.places.iter().flatten().any(|i| self.acts[p.at + i]);
             let switch = if acts { self.switch_near(k, (here, &x), [to - margin, to + margin])? } else { None };
             if switch.is_some() {
                 to -= margin;

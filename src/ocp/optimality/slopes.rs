@@ -1,17 +1,18 @@
 //! Derivatives of the cost along the simulation by everything that may change, and what they say.
 
 use super::{
-    dot, Corner, Judge, Kind, Kink, Leg, Optimality, Outer, Piece, Sides, Verdict, AT_BOUND, NONE, RANK,
-    WITHOUT_DERIVATIVES,
+    dot, Corner, Held, Judge, Kind, Kink, Leg, Optimality, Outer, Piece, Sides, Verdict, AT_BOUND, NONE, RANK,
+    UNDECIDED, WITHOUT_DERIVATIVES,
 };
 use nalgebra::{DMatrix, DVector};
 
 /// A quantity that may change, with the derivatives of the Lagrange function: the first column is that with the multipliers
 /// of the answer, the others are what a unit more of something adds: of a kink's gradient to the costate, then of the
-/// multiplier of a constraint at the ends.
+/// multiplier of a constraint. The last is that of the cost alone.
 pub(super) struct Free {
     pub(super) slopes: Vec<f64>,
-    /// Sum of the moduli of the terms of the first.
+    /// Sum of the moduli of the terms of the last: what it changes the cost by. With the terms of constraints the scale of an answer would be
+    /// another one with every choice of their multipliers, and without bound where they depend on each other.
     pub(super) terms: f64,
     pub(super) size: f64,
     /// At its lower bound, at its upper one.
@@ -41,7 +42,7 @@ impl Free {
 
     pub(super) fn add(&mut self, column: usize, term: f64) {
         self.slopes[column] += term;
-        if column == 0 {
+        if column + 1 == self.slopes.len() {
             self.terms += term.abs();
         }
     }
@@ -132,8 +133,10 @@ impl Judge<'_> {
     /// the stage before, and in the one behind.
     pub(super) fn sweep(&self, legs: &[Leg], kinks: &[Corner], outer: &Outer, q: &mut Quantities) -> Vec<Sides> {
         let (n, n_z) = (self.n(), self.n() + self.n_p + self.n_u);
-        let mut columns = vec![vec![0.0; n]; 1 + kinks.len() + outer.ends.len()];
+        let n_columns = 2 + kinks.len() + outer.held.len();
+        let mut columns = vec![vec![0.0; n]; n_columns];
         columns[0][0] = 1.0;
+        columns[n_columns - 1][0] = 1.0;
         // what shifts everything behind by a unit of time
         let mut clock = 0.0;
         let mut sides = vec![[None, None]; kinks.len()];
@@ -160,10 +163,14 @@ impl Judge<'_> {
                 }
                 let end = m + 1 == leg.pieces.len();
                 if end {
-                    let along = self.at_point(self.along, piece);
+                    let goes = |(r, c): (usize, &Held)| c.along.then(|| (1 + kinks.len() + r, self.held_at(c, piece)));
+                    let mut along = vec![(0, self.at_point(self.along, piece))];
+                    along.extend(outer.held.iter().enumerate().filter_map(goes));
                     for (b, sides) in kinks.iter().zip(&mut sides).filter(|(b, _)| b.stage == k + 1) {
                         for (side, arrival) in sides.iter_mut().zip(b.arrivals()) {
-                            side.iter_mut().zip(arrival).for_each(|(s, a)| s[0] -= dot(a, &along));
+                            if let (Some(s), Some(a)) = (side, arrival) {
+                                along.iter().for_each(|(c, force)| s[*c] -= dot(a, force));
+                            }
                         }
                     }
                 }
@@ -199,7 +206,7 @@ impl Judge<'_> {
                     *column = back;
                 }
                 let change = |(l, r): (&f64, &f64)| (l * r).abs();
-                q.states = columns[0].iter().zip(&self.ranges).map(change).fold(q.states, f64::max);
+                q.states = columns[n_columns - 1].iter().zip(&self.ranges).map(change).fold(q.states, f64::max);
             }
             let at_start =
                 |b: &Corner| b.stage == k && matches!(b.kind, Kind::Switch { .. } | Kind::Peak { at: None, .. });
@@ -215,12 +222,22 @@ impl Judge<'_> {
 
     /// What acts on the states at the end of a piece in a column.
     pub(super) fn force(&self, outer: &Outer, column: usize, n_kinks: usize, piece: &Piece) -> Vec<f64> {
-        let gradient = match column.checked_sub(1 + n_kinks) {
-            Some(r) => &outer.ends[r].gradient,
-            None if column == 0 => &outer.gradient,
-            None => return vec![0.0; self.n()],
-        };
-        self.at_point(gradient, piece)
+        match column.checked_sub(1 + n_kinks) {
+            Some(r) => outer.held.get(r).map_or_else(|| self.at_point(&outer.cost, piece), |c| self.held_at(c, piece)),
+            None if column == 0 => self.at_point(&outer.gradient, piece),
+            None => vec![0.0; self.n()],
+        }
+    }
+
+    /// The gradient of a constraint in the states of the simulation at the end of a piece.
+    fn held_at(&self, c: &Held, piece: &Piece) -> Vec<f64> {
+        let mut out = vec![0.0; self.n()];
+        for &(v, g) in &c.gradient {
+            if let Some(i) = v.checked_sub(piece.at.at).and_then(|i| self.places.iter().position(|p| *p == Some(i))) {
+                out[i] += g;
+            }
+        }
+        out
     }
 
     /// What of a gradient in the variables of the answer belongs to the states of the simulation at the end of a piece.
@@ -235,9 +252,9 @@ fn pass(columns: &mut [Vec<f64>], i: usize, corner: &Corner, sides: &mut Sides) 
 }
 
 impl Quantities {
-    /// What the slopes say; `ends` is what may be added to the multipliers of constraints at the ends, `own` controls of
-    /// every stage are the user's.
-    pub(super) fn verdict(&self, kinks: &[Corner], sides: &[Sides], ends: &[[f64; 2]], own: usize) -> Optimality {
+    /// What the slopes say with those multipliers of kinks and of the constraints `held` that prove most; `own` controls of every stage are
+    /// the user's.
+    pub(super) fn verdict(&self, kinks: &[Corner], sides: &[Sides], held: &[Held], own: usize) -> Optimality {
         let finite = |v: &[f64]| v.iter().all(|v| v.is_finite());
         if !self.all().all(|f| finite(&f.slopes)) || !sides.iter().flatten().flatten().all(|s| finite(s)) {
             return Optimality::unknown(WITHOUT_DERIVATIVES);
@@ -248,7 +265,7 @@ impl Quantities {
         // at a touched surface the multiplier of staying on this side is not negative
         let stays = |k: &Corner| if k.touches() { [0.0, f64::INFINITY] } else { any };
         let mut range: Vec<[f64; 2]> = kinks.iter().map(stays).collect();
-        range.extend_from_slice(ends);
+        range.extend(held.iter().map(Held::range));
         let jump = |of: &Option<Vec<f64>>, c: &[f64]| of.as_ref().map(|s| s[0] + dot(&s[1..], c));
         let mut c = self.fit(&range);
         // where several multiples do, one between the two sides is wanted
@@ -266,28 +283,29 @@ impl Quantities {
                 }
             }
         }
+        let conditions = self.conditions(kinks, sides, scale);
+        // least squares share what they cannot take away: whether some multipliers do is another question
+        let decided = if conditions.worst(&c) <= NONE { None } else { conditions.best(&range) };
+        let undecided = decided.is_none();
+        if let Some(best) = decided.filter(|best| conditions.worst(best) <= NONE) {
+            c = best;
+        }
         let residual = left(&c);
-        let found: Vec<Kink> = kinks
-            .iter()
-            .zip(sides)
-            .enumerate()
-            .map(|(i, (b, side))| {
-                let reach = self.all().map(|f| f.size * f.slopes[1 + i].abs()).sum::<f64>() / scale;
-                let towards = |s: Option<f64>, sign: f64| s.map_or(f64::NAN, |s| sign * (s - c[i]) * reach);
-                let [low, high] = [jump(&side[1], &c), jump(&side[0], &c)];
-                let [before, after] = match b.kind {
-                    Kind::Touch { .. } => [c[i] * reach, low.map_or(f64::NAN, |s| s * self.lasting[b.stage] / scale)],
-                    Kind::Peak { .. } | Kind::Control { .. } | Kind::Jump { .. } => [c[i] * reach, towards(high, 1.0)],
-                    Kind::Switch { .. } => [towards(high, 1.0), towards(low, -1.0)],
-                };
-                Kink { stage: b.stage, t: b.t, before, after, touch: b.touches() }
-            })
-            .collect();
+        let one_sided = |i: usize| conditions.sides[i].clone().map(|side| side.map_or(f64::NAN, |side| side.at(&c)));
+        let kink = |(i, b): (usize, &Corner)| {
+            let [before, after] = one_sided(i);
+            Kink { stage: b.stage, t: b.t, before, after, touch: b.touches() }
+        };
+        let found: Vec<Kink> = kinks.iter().enumerate().map(kink).collect();
         let falls = |k: &Kink| k.before < -NONE || k.after < -NONE;
         let (verdict, reason) = if !residual.is_finite() {
             (Verdict::Unknown, WITHOUT_DERIVATIVES)
         } else if residual > NONE || found.iter().any(falls) {
-            (Verdict::NotOptimal, "")
+            if undecided {
+                (Verdict::Unknown, UNDECIDED)
+            } else {
+                (Verdict::NotOptimal, "")
+            }
         } else if found.is_empty() {
             (Verdict::LocalOptimum, "")
         } else {
@@ -316,6 +334,7 @@ impl Quantities {
             _ if verdict != Verdict::NotOptimal => Vec::new(),
             // towards the side of the kink that is lower
             Some((i, low)) => scaled(across(i, found[i].before == low)),
+            // what least squares leave goes along the constraints that act
             None => scaled(users().map(|f| -f.size * f.left(&c)).collect()),
         };
         // what is behind a jump is another choice of the controls, and looked at as such
@@ -324,6 +343,6 @@ impl Quantities {
         });
         let beyond = unreached.map(|i| scaled(across(i, found[i].before.is_nan()))).filter(|d| !d.is_empty()).collect();
         let gradient = users().map(|f| f.slopes[0] + dot(&c, &f.slopes[1..])).collect();
-        Optimality { verdict, reason, residual, gradient, kinks: found, direction, beyond }
+        Optimality { verdict, reason, residual, gradient, kinks: found, direction, others: false, beyond }
     }
 }
