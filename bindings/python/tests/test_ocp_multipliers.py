@@ -115,46 +115,97 @@ def test_the_verdict_is_of_the_point(seed):
     assert len(verdicts) == len(STARTS)
 
 
-def switched(seed):
+class Switched:
     """A mass with friction or a lever, held by constraints along the path and at the end that are given several times; some of them keep it on
     the surface where it switches."""
-    g = np.random.default_rng(seed)
-    kind, n, T = seed % 4, int(g.integers(4, 11)), g.uniform(1.5, 4)
-    mu, price = g.uniform(0.1, 0.6), g.uniform(0.02, 0.3)
-    copies = int(g.integers(1, 4))
-    factors = g.uniform(0.2, 5, size=copies) * g.choice([-1, 1], size=copies)
-    q1 = g.uniform(0.4, 1.2)
-    fastest, level, held, twice = g.uniform(0.5, 1) * 2 * q1 / T, g.uniform(0.3, 0.9) * q1, g.random() < 0.5, g.random() < 0.6
-    a, b = g.uniform(0.3, 1.5, size=2)
 
-    def solve(**options):
-        m = swb.Model(states="q v" if kind < 3 else "q", controls="u")
+    SIZE = 1.5
+
+    def __init__(self, seed):
+        g = np.random.default_rng(seed)
+        self.kind, self.n, self.T = seed % 4, int(g.integers(4, 11)), g.uniform(1.5, 4)
+        self.mu, self.price = g.uniform(0.1, 0.6), g.uniform(0.02, 0.3)
+        copies = int(g.integers(1, 4))
+        self.factors = g.uniform(0.2, 5, size=copies) * g.choice([-1, 1], size=copies)
+        self.q1 = g.uniform(0.4, 1.2)
+        self.fastest, self.level = g.uniform(0.5, 1) * 2 * self.q1 / self.T, g.uniform(0.3, 0.9) * self.q1
+        self.held, self.twice = g.random() < 0.5, g.random() < 0.6
+        self.pace = g.uniform(0.3, 1.5, size=2)
+        self.nx = 2 if self.kind < 3 else 1
+        self.simulated = self.model(True)[0]
+
+    def model(self, cost):
+        names = "q v"[: 2 * self.nx - 1]
+        m = swb.Model(states=names + " c" if cost else names, controls="u")
         x, u = m.x, m.u[0]
-        behind = x[0] > level
-        m.derivatives = (
-            [x[-1], 3 * u - mu * sign(x[-1])],
-            [x[-1], where(behind, a, b) * u * 3],
-            [x[-1], 3 * u - mu * sign(x[-1]) - where(behind, 0.4, 0.0)],
-            [u * 3 * where(behind, a, b)],
-        )[kind]
-        nx = 2 if kind < 3 else 1
-        p = swb.Ocp(m, T, n, initial_state=[0] * nx, control_bounds=(-1.5, 1.5), n_fe=2, **options)
-        p.set_lagrange(m.function([price * u**2 + (0.1 * (x[0] - q1) ** 2)]))
-        ends = [x[0] - q1, *x[1:]] if held else []
-        if not held:
-            p.set_mayer(m.function([5 * (x[0] - q1) ** 2]))
-        for f in factors if twice else factors[:1]:
-            for e in ends:
+        v, behind = x[self.nx - 1], x[0] > self.level
+        running = self.price * u**2 + 0.1 * (x[0] - self.q1) ** 2
+        motion = (
+            [v, 3 * u - self.mu * sign(v)],
+            [v, where(behind, *self.pace) * u * 3],
+            [v, 3 * u - self.mu * sign(v) - where(behind, 0.4, 0.0)],
+            [u * 3 * where(behind, *self.pace)],
+        )[self.kind]
+        m.derivatives = [*motion, running] if cost else motion
+        return m, running
+
+    def solve(self, **options):
+        m, running = self.model(False)
+        x = m.x
+        p = swb.Ocp(m, self.T, self.n, initial_state=[0] * self.nx, n_fe=2, **options)
+        p.set_control_bounds(-self.SIZE, self.SIZE)
+        p.set_lagrange(m.function([running]))
+        if not self.held:
+            p.set_mayer(m.function([5 * (x[0] - self.q1) ** 2]))
+        for f in self.factors if self.twice else self.factors[:1]:
+            for e in [x[0] - self.q1, *x[1:]] if self.held else []:
                 p.add_terminal(m.function([f * e]), 0, 0)
-        for f in factors:
-            if nx == 2:
-                p.add_path(m.function([f * x[1]]), *sorted([f * fastest, -np.inf * f]))
-            elif not held:
-                p.add_path(m.function([f * x[0]]), *sorted([f * 0.95 * q1, -np.inf * f]))
-        if nx == 2:
-            p.add_path(m.function([factors[0] * x[1]]), *sorted([0.0, np.inf * factors[0]]))
-            if twice:
-                p.set_state_bounds([-np.inf, 0], [np.inf, fastest])
+        for f in self.factors:
+            if self.nx == 2:
+                p.add_path(m.function([f * x[1]]), *sorted([f * self.fastest, -np.inf * f]))
+            elif not self.held:
+                p.add_path(m.function([f * x[0]]), *sorted([f * 0.95 * self.q1, -np.inf * f]))
+        if self.nx == 2:
+            f = self.factors[0]
+            p.add_path(m.function([f * x[1]]), *sorted([0.0, np.inf * f]))
+            if self.twice:
+                p.set_state_bounds([-np.inf, 0], [np.inf, self.fastest])
         return p.solve()
 
-    return solve
+    def cost(self, u):
+        """Of a simulation, and the largest violation on the grid and at the end."""
+        z, off = np.zeros(self.nx + 1), 0.0
+        for uk in u:
+            z = swb.simulate(self.simulated, z, self.T / self.n, u=[uk]).x_end
+            if self.nx == 2:
+                off = max(off, z[1] - self.fastest, -z[1])
+            elif not self.held:
+                off = max(off, z[0] - 0.95 * self.q1)
+        if self.held:
+            return z[-1], max(off, abs(z[0] - self.q1), abs(z[1]) if self.nx == 2 else 0)
+        return z[-1] + 5 * (z[0] - self.q1) ** 2, off
+
+    def falls(self, u, other):
+        """How fast the cost falls from controls towards others, relative to what single ones change it by; nothing where constraints are in the way."""
+        t, d = 1e-3, np.asarray(other) - u
+        (here, _), (there, off) = self.cost(u), self.cost(u + t * d)
+        one = [self.cost(u + 1e-4 * e)[0] - here for e in np.eye(self.n)]
+        scale = self.SIZE * np.abs(one).max() / 1e-4
+        return (here - there) / t / (scale * np.abs(d).sum() / self.SIZE) if off < 1e-7 else 0.0
+
+
+@pytest.mark.parametrize("seed", range(0, 36, 3))
+def test_switched_motions_with_constraints_that_depend_on_each_other(seed):
+    problem = Switched(seed)
+    answers = []
+    for options in ({}, {"ocp_start": "homotopy"}, {"ocp_start": "homotopy", "sigma_init": 0.1}):
+        r = problem.solve(**options)
+        if r.success:
+            answers.append((np.asarray(r.controls)[:, 0], r))
+    for u, r in answers:
+        optimal = r.certificate in ("local_optimum", "kink")
+        for other, o in answers:
+            if np.abs(other - u).max() < 1e-6:
+                assert not (optimal and o.certificate == "not_optimal"), (r.optimality, o.optimality)
+            elif optimal and o.cost < r.cost:
+                assert problem.falls(u, other) < 10 * TOLERANCE, (r.optimality, o.cost, r.cost)

@@ -432,11 +432,23 @@ impl Held {
         acts.then_some(Held { gradient: row.gradient, multiplier, away, along: row.along })
     }
 
-    /// What may be added to its multiplier: it keeps the sign of the bound that it is at. One that is at none may lose it.
-    fn range(&self) -> [f64; 2] {
+    /// The multipliers that it may have: with the sign of the bound that it is at, none where it is at none.
+    fn signs(&self) -> [f64; 2] {
         let [low, high] = self.away.map(|far| if far == 0.0 { f64::INFINITY } else { 0.0 });
-        let own = self.multiplier;
-        [(-low).min(own).min(0.0) - own, high.max(own).max(0.0) - own]
+        [-low, high]
+    }
+
+    /// Takes from its multiplier what is of the other sign, and says how much that is. The square systems that answers are polished with know no signs:
+    /// where constraints depend on each other some multipliers may have the wrong one.
+    fn take_excess(&mut self) -> f64 {
+        let [low, high] = self.signs();
+        let right = self.multiplier.clamp(low, high);
+        std::mem::replace(&mut self.multiplier, right) - right
+    }
+
+    /// What may be added to its multiplier.
+    fn range(&self) -> [f64; 2] {
+        self.signs().map(|bound| bound - self.multiplier)
     }
 }
 
@@ -553,6 +565,13 @@ impl Ocp {
             along[v] -= if c.along { c.multiplier * g } else { 0.0 };
             false
         });
+        for c in held.iter_mut().chain(&mut path) {
+            let excess = c.take_excess();
+            for &(v, g) in c.gradient.iter().filter(|_| excess != 0.0) {
+                gradient[v] -= excess * g;
+                along[v] -= if c.along { excess * g } else { 0.0 };
+            }
+        }
         let others = !path.is_empty();
         let mut acts: Vec<bool> = along.iter().map(|a| *a != 0.0).collect();
         if which == Multipliers::Any {
