@@ -120,7 +120,7 @@ impl Simplex {
         if crossed {
             return Found::Infeasible;
         }
-        self.to_bounds();
+        self.settle_at_bounds();
         for pivots in 0.. {
             self.update_values();
             let mut violated = false;
@@ -158,7 +158,7 @@ impl Simplex {
         }
         let c: Vec<f64> = c.iter().zip(&self.unit).map(|(c, s)| c * s / largest).collect();
         // the check of a point has computed its rows: rounding off its bound, one that holds it would seem to have room towards it
-        self.to_bounds();
+        self.settle_at_bounds();
         for pivots in 0.. {
             self.update_values();
             for k in 0..self.n {
@@ -189,7 +189,7 @@ impl Simplex {
     }
 
     /// Variables outside of the basis are at a bound where they have one.
-    fn to_bounds(&mut self) {
+    fn settle_at_bounds(&mut self) {
         for k in 0..self.n {
             let v = self.nonbasic[k];
             self.value[v] = nearest(self.value[v], self.lower[v], self.upper[v]);

@@ -540,7 +540,7 @@ impl Ocp {
         let sizes: Vec<f64> = extents.iter().map(|e| e.size).collect();
         let tight = accuracy::tolerances(TOLERANCE, &sizes);
         let options = event::Options { sensitivity: true.into(), max_steps: MAX_STEPS, ..tight };
-        let movable = self.movable(&stages.controls, d.u);
+        let movable = self.movable(stages.controls, d.u);
         let mut var_sizes = vec![0.0; w.len()];
         for p in &points {
             of_states.iter().enumerate().for_each(|(i, e)| var_sizes[p.at + i] = e.size);
