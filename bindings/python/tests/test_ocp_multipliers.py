@@ -85,7 +85,7 @@ class Drawn:
             columns.append(self.effect[-1][0])
         c = np.array(columns).reshape(-1, self.n).T
         scale = np.abs(self.box * g).max()
-        # low + c y <= r where u may grow less..., high + c y >= -r
+        # a control that may grow does not lower the cost by more than r, nor one that may fall
         up, down = u < self.box * (1 - 1e-6), u > -self.box * (1 - 1e-6)
         ones = np.ones((self.n, 1))
         A = np.vstack([np.hstack([-c, -ones])[up], np.hstack([c, -ones])[down]])
