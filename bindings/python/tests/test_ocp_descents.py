@@ -1,4 +1,4 @@
-"""Answers of projected systems: a descent that is known is followed, and one that makes no contact is not the last word."""
+"""Answers of projected systems: known descents are followed, and one without contact is not the last word."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Verdicts of answers whose constraints depend on each other: many multipliers belong to one point, and the verdict is of the point."""
+"""Verdicts of answers whose constraints depend on each other: many multipliers belong to one point."""
 
 import numpy as np
 import pytest
@@ -11,9 +11,9 @@ STARTS = ({}, {"ocp_start": "homotopy"}, {"guess": 1}, {"guess": -1})
 
 
 class Drawn:
-    """A chain of integrators that a piecewise constant control drives, with a convex cost: everything is linear or convex in the controls,
-    and a point that no small change betters is the best one. The constraints are given twice, in other units, as bounds and as path
-    constraints, and those at the end are redundant."""
+    """A chain of integrators that a piecewise constant control drives, with a convex cost: everything is linear or
+    convex in the controls, and a point that no small change betters is the best one. The constraints are given several
+    times, in other units, as bounds and as path constraints, and those at the end are redundant."""
 
     def __init__(self, seed):
         g = np.random.default_rng(seed)
@@ -48,7 +48,8 @@ class Drawn:
         m = swb.Model(states=["q", "v"][: self.order], controls="u")
         x, u = m.x, m.u[0]
         m.derivatives = [u] if self.order == 1 else [x[1], u]
-        ocp = swb.Ocp(m, self.T, self.n, n_fe=1, n_s=3, initial_state=self.x0, control_bounds=(-self.box, self.box), **options)
+        ocp = swb.Ocp(m, self.T, self.n, n_fe=1, n_s=3, initial_state=self.x0, **options)
+        ocp.set_control_bounds(-self.box, self.box)
         kink = where(u > 0, u, -u) if self.corner else 0.0
         ocp.set_lagrange(m.function([self.price * u**2 + self.corner * kink]))
         ocp.set_mayer(m.function([(x[0] - self.target) ** 2 + 0.1 * (x[-1] - 0.2) ** 2]))
@@ -68,7 +69,7 @@ class Drawn:
         return ocp.solve()
 
     def misses(self, u):
-        """By how much the conditions of optimality are missed with the best multipliers: a linear program of its own."""
+        """By how much the conditions of optimality are missed with the best multipliers."""
         linprog = pytest.importorskip("scipy.optimize").linprog
         x = [f + e @ u for f, e in zip(self.free, self.effect)]
         g = 2 * self.price * u * self.h + 2 * (x[-1][0] - self.target) * self.effect[-1][0]
@@ -116,8 +117,8 @@ def test_the_verdict_is_of_the_point(seed):
 
 
 class Switched:
-    """A mass with friction or a lever, held by constraints along the path and at the end that are given several times; some of them keep it on
-    the surface where it switches."""
+    """A mass with friction or a lever, held by constraints along the path and at the end that are given several times;
+    some of them keep it on the surface where it switches."""
 
     SIZE = 1.5
 
@@ -186,7 +187,8 @@ class Switched:
         return z[-1] + 5 * (z[0] - self.q1) ** 2, off
 
     def falls(self, u, other):
-        """How fast the cost falls from controls towards others, relative to what single ones change it by; nothing where constraints are in the way."""
+        """How fast the cost falls from controls towards others, relative to what single ones change it by; nothing
+        where constraints are in the way."""
         t, d = 1e-3, np.asarray(other) - u
         (here, _), (there, off) = self.cost(u), self.cost(u + t * d)
         one = [self.cost(u + 1e-4 * e)[0] - here for e in np.eye(self.n)]
