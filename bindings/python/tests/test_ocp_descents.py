@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-import switchback as swb
-from switchback import sqrt
+import switchback_control as swb
+from switchback_control import sqrt
 
 
 class Discs:

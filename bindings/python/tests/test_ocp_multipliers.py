@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-import switchback as swb
-from switchback import sign, where
+import switchback_control as swb
+from switchback_control import sign, where
 
 TOLERANCE = 1e-4  # first-order changes that count as none, relative to what single controls change the cost by
 STARTS = ({}, {"ocp_start": "homotopy"}, {"guess": 1}, {"guess": -1})
