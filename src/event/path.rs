@@ -45,7 +45,17 @@ impl Path {
         self.poly.extend_from_slice(poly);
     }
 
-    /// Number of steps.
+    /// A piece along a straight line.
+    pub(super) fn push_line(&mut self, t: f64, end: f64, x: &[f64], f: &[f64]) {
+        self.pieces.push((t, end, end - t));
+        self.poly.extend(x.iter().zip(f).map(|(x, f)| {
+            let mut line = Poly::default();
+            (line[0], line[1]) = (*x, (end - t) * f);
+            line
+        }));
+    }
+
+    /// Number of pieces.
     pub fn len(&self) -> usize {
         self.pieces.len()
     }

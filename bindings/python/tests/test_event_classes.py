@@ -1,6 +1,8 @@
 """Classes of events on instances that are drawn: units that act nearly together, zeros of higher order, bodies at rest on a guard, surfaces of
 time. What is right is known in closed form."""
 
+import threading
+
 import numpy as np
 import pytest
 import switchback_control as swb
@@ -218,3 +220,51 @@ def test_many_rooms_that_slide_are_no_accumulation(seed):
     assert len(coarse.switches) == len(fine.switches)
     assert coarse.stats.steps < 100 + 3 * len(coarse.switches)
     np.testing.assert_allclose(coarse.x_end, fine.x_end, atol=0.05)
+
+
+# --- ends next to an event --------------------------------------------------------------------------------
+
+
+def test_the_dense_output_reaches_the_end_behind_an_event_by_rounding():
+    """A ramp is reset at multiples of its period, to rounding of its own; so does the run end."""
+    for k in range(3, 60):
+        period = 1e-4
+        m = Model(states="ramp n")
+        m.derivatives = [1 / period, 0.0]
+        m.transition(m.ramp > 1, reset={m.ramp: m.ramp - 1, m.n: m.n + 1})
+        end = period * k
+        run = swb.simulate(m, [0, 0], end)
+        assert run.t_end == end
+        # in a state before the jump or behind it
+        ramp, n = run(end)
+        assert abs(n + ramp - k) < 1e-9 and abs(run.x_end[0] + run.x_end[1] - k) < 1e-9
+
+
+def test_a_run_that_is_interrupted_among_transitions_of_one_time_goes_on():
+    """Two hundred hystereses start cold: what an interrupt leaves of their transitions is made by the next call."""
+    n, end = 200, 0.02
+
+    def made(interrupts):
+        m = Model(n)
+        heats = [m.hysteresis(20 - v, on=0.5, off=-0.5) for v in m.x[:n]]
+        for v, h in zip(m.x[:n], heats):
+            m.derivative(v, 5 - v + 30 * h)
+        run = swb.Integrator(m, rtol=1e-6, sensitivity=True)
+        start = np.zeros(m.system().nx)
+        start[:n] = np.linspace(15, 18, n)
+        run.reinit(start)
+        stops = 0
+        while run.time < end or stops < interrupts:
+            timer = threading.Timer(0.002, run.interrupt)
+            if stops < interrupts:
+                timer.start()
+            run.advance(end)
+            timer.cancel()
+            stops += 1
+            assert stops < 1000
+        return run
+
+    plain, stopped = made(0), made(10)
+    assert len(stopped.run.jumps) == len(plain.run.jumps) == n
+    np.testing.assert_allclose(stopped.state, plain.state, rtol=1e-12)
+    np.testing.assert_allclose(stopped.run.dx_dx0, plain.run.dx_dx0, atol=1e-9)

@@ -669,6 +669,9 @@ impl Engine {
     /// Goes along the velocity for a time that no step fits into.
     fn coast(&mut self, t_stop: f64) -> Progress {
         let left = t_stop - self.t;
+        if let Some(p) = self.path.as_mut().filter(|_| left > 0.0) {
+            p.push_line(self.t, t_stop, &self.x, &self.f);
+        }
         self.x.iter_mut().zip(&self.f).for_each(|(x, f)| *x += left * f);
         self.t = t_stop;
         self.h = self.h.max(self.no_time());
