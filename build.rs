@@ -1,4 +1,4 @@
-//! Links SuiteSparse (LDL, AMD), names the shared library, and tells dependents where the C header is.
+//! Links SuiteSparse (LDL, AMD) with the feature `suitesparse`, names the shared library, and tells dependents where the C header is.
 
 use std::env;
 use std::ffi::OsString;
@@ -8,9 +8,49 @@ use std::process::{Command, Stdio};
 /// Order matters to a linker that resolves from left to right: users before what they use.
 const LIBRARIES: [&str; 3] = ["ldl", "amd", "suitesparseconfig"];
 
+/// What to build with where there is no SuiteSparse.
+const WITHOUT: &str = "--no-default-features --features allocator";
+
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-env-changed=SUITESPARSE_LIB_DIR");
+    let target = |what: &str| env::var(format!("CARGO_CFG_TARGET_{what}")).unwrap_or_default();
+    if target("FAMILY") == "wasm" && target("OS") != "wasi" {
+        println!(
+            "cargo::error=this target has no clock, which time limits and measured times need: build for wasm32-wasip1"
+        );
+    }
+    if env::var_os("CARGO_FEATURE_SUITESPARSE").is_some() {
+        if target("FAMILY") == "wasm" {
+            println!("cargo::error=there is no SuiteSparse for WebAssembly: build with {WITHOUT}");
+        } else {
+            suitesparse();
+        }
+    }
+    // DEP_SWITCHBACK_INCLUDE and DEP_SWITCHBACK_VERSION in the build scripts of dependents.
+    let root = env::var("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
+    println!("cargo:include={}", Path::new(&root).join("include").display());
+    let version = env::var("CARGO_PKG_VERSION").expect("cargo sets CARGO_PKG_VERSION");
+    println!("cargo:version={version}");
+    // Before 1.0 the ABI may change with the minor version: libswitchback.so.0.MINOR; from 1.0 on with
+    // the major version alone.
+    let mut parts = version.split('.');
+    let (major, minor) = (parts.next().unwrap_or("0"), parts.next().unwrap_or("0"));
+    let abi = if major == "0" { format!("0.{minor}") } else { major.to_string() };
+    let arg = |text: &str| println!("cargo:rustc-cdylib-link-arg={text}");
+    match target("OS").as_str() {
+        "linux" => {
+            arg(&format!("-Wl,-soname,libswitchback.so.{abi}"));
+            arg("-Wl,--no-undefined");
+        }
+        "macos" => arg(&format!("-Wl,-install_name,@rpath/libswitchback.{abi}.dylib")),
+        // Memory for arguments and results, and functions of the host in the place of those of C.
+        "wasi" => ["--export=malloc", "--export=free", "--export-table", "--growable-table"].into_iter().for_each(arg),
+        _ => {}
+    }
+}
+
+fn suitesparse() {
     // A SuiteSparse outside the linker's default path.
     let place = env::var_os("SUITESPARSE_LIB_DIR");
     if let Some(dir) = &place {
@@ -24,22 +64,8 @@ fn main() {
         println!(
             "cargo::error=SuiteSparse is not here: the linker finds no lib{missing}. Install it (Debian, Ubuntu: \
              apt-get install libsuitesparse-dev; Fedora: dnf install suitesparse-devel), or set SUITESPARSE_LIB_DIR \
-             to the folder of libldl, libamd and libsuitesparseconfig."
+             to the folder of libldl, libamd and libsuitesparseconfig. Or build without it: {WITHOUT}."
         );
-    }
-    // DEP_SWITCHBACK_INCLUDE and DEP_SWITCHBACK_VERSION in the build scripts of dependents.
-    let root = env::var("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
-    println!("cargo:include={}", Path::new(&root).join("include").display());
-    let version = env::var("CARGO_PKG_VERSION").expect("cargo sets CARGO_PKG_VERSION");
-    println!("cargo:version={version}");
-    // Before 1.0 the ABI may change with the minor version: libswitchback.so.0.MINOR; from 1.0 on with
-    // the major version alone.
-    if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {
-        let mut parts = version.split('.');
-        let (major, minor) = (parts.next().unwrap_or("0"), parts.next().unwrap_or("0"));
-        let abi = if major == "0" { format!("0.{minor}") } else { major.to_string() };
-        println!("cargo:rustc-cdylib-link-arg=-Wl,-soname,libswitchback.so.{abi}");
-        println!("cargo:rustc-cdylib-link-arg=-Wl,--no-undefined");
     }
 }
 

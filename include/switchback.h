@@ -487,13 +487,17 @@ enum swb_linear_solver
      */
     SWB_LINEAR_SOLVER_AUTO = 0,
     /**
-     * SuiteSparse LDL, column by column.
+     * SuiteSparse LDL, column by column; only in a library linked with it.
      */
     SWB_LINEAR_SOLVER_SUITESPARSE = 1,
     /**
      * Dense blocks of columns, by faer; only in a library built with it.
      */
     SWB_LINEAR_SOLVER_FAER = 2,
+    /**
+     * The same as SuiteSparse LDL, of this library itself.
+     */
+    SWB_LINEAR_SOLVER_NATIVE = 3,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

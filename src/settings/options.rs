@@ -308,16 +308,18 @@ impl Portfolio {
 pub enum LinearSolver {
     /// Chosen by the fill of the factors: columns where they are sparse, dense blocks where they are not.
     Auto = 0,
-    /// SuiteSparse LDL, column by column.
+    /// SuiteSparse LDL, column by column; only in a library linked with it.
     Suitesparse = 1,
     /// Dense blocks of columns, by faer; only in a library built with it.
     Faer = 2,
+    /// The same as SuiteSparse LDL, of this library itself.
+    Native = 3,
 }
 
 impl LinearSolver {
     /// Value names, by value.
-    pub const NAMES: &'static [&'static str] = &["auto", "suitesparse", "faer"];
-    const ALL: [LinearSolver; 3] = [LinearSolver::Auto, LinearSolver::Suitesparse, LinearSolver::Faer];
+    pub const NAMES: &'static [&'static str] = &["auto", "suitesparse", "faer", "native"];
+    const ALL: [LinearSolver; 4] = [LinearSolver::Auto, LinearSolver::Suitesparse, LinearSolver::Faer, LinearSolver::Native];
 
     /// Value of this number; `None` outside the enumeration.
     pub fn from_i64(value: i64) -> Option<Self> {
@@ -1198,7 +1200,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         kind: Kind::Enum(LinearSolver::NAMES),
         default: 0.0,
         min: Closed(0.0),
-        max: Closed(2.0),
+        max: Closed(3.0),
         symbol: "",
         doc: "Factorisation of the Newton matrices (enum linear_solver).",
         setup_only: true,

@@ -169,14 +169,16 @@ const NAMES_swb_portfolio = [:off => 0, :rescue => 1, :all => 2, :agree => 3]
 Factorisation of the Newton matrices (option linear_solver).
 
 - `SWB_LINEAR_SOLVER_AUTO`: Chosen by the fill of the factors: columns where they are sparse, dense blocks where they are not.
-- `SWB_LINEAR_SOLVER_SUITESPARSE`: SuiteSparse LDL, column by column.
+- `SWB_LINEAR_SOLVER_SUITESPARSE`: SuiteSparse LDL, column by column; only in a library linked with it.
 - `SWB_LINEAR_SOLVER_FAER`: Dense blocks of columns, by faer; only in a library built with it.
+- `SWB_LINEAR_SOLVER_NATIVE`: SuiteSparse's column-by-column algorithm, built into this library.
 """
 const swb_linear_solver = Int64
 const SWB_LINEAR_SOLVER_AUTO = swb_linear_solver(0)
 const SWB_LINEAR_SOLVER_SUITESPARSE = swb_linear_solver(1)
 const SWB_LINEAR_SOLVER_FAER = swb_linear_solver(2)
-const NAMES_swb_linear_solver = [:auto => 0, :suitesparse => 1, :faer => 2]
+const SWB_LINEAR_SOLVER_NATIVE = swb_linear_solver(3)
+const NAMES_swb_linear_solver = [:auto => 0, :suitesparse => 1, :faer => 2, :native => 3]
 
 """
 Order of elimination in the Newton matrices (option ordering).

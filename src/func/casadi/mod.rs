@@ -15,6 +15,7 @@
 
 mod elf;
 mod library;
+mod loader;
 mod object;
 mod parts;
 

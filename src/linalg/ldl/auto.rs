@@ -1,6 +1,6 @@
 //! The choice of a backend: by name, or by what the analysis says about the factors.
 
-use super::{Factorisation, LdlStats, Ordering, SuiteSparse, SymmetricSolver};
+use super::{Columns, Factorisation, LdlStats, Native, Ordering, SymmetricSolver};
 #[cfg(feature = "faer")]
 use super::{Faer, Form};
 use crate::error::{Error, Result};
@@ -13,19 +13,30 @@ pub const BLOCKS_FROM: f64 = 100.0;
 /// A backend that eliminates in this order.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for faer in a library built without it.
+/// [`Error::Unsupported`] for SuiteSparse or faer in a library built without it.
 pub fn solver(kind: LinearSolver, ordering: Ordering) -> Result<Box<dyn SymmetricSolver>> {
     match kind {
         LinearSolver::Auto => Ok(Box::new(Auto::new(ordering))),
-        LinearSolver::Suitesparse => Ok(Box::new(SuiteSparse::with_ordering(ordering))),
-        LinearSolver::Faer => blocks(ordering).ok_or_else(|| {
-            Error::Unsupported(
-                "linear_solver 'faer' is not in this library; build it with the cargo feature 'faer', or choose 'auto' \
-                 or 'suitesparse'"
-                    .into(),
-            )
-        }),
+        LinearSolver::Suitesparse => suitesparse(ordering).ok_or_else(|| absent("suitesparse")),
+        LinearSolver::Faer => blocks(ordering).ok_or_else(|| absent("faer")),
+        LinearSolver::Native => Ok(Box::new(Native::with_ordering(ordering))),
     }
+}
+
+fn absent(name: &str) -> Error {
+    Error::Unsupported(format!(
+        "linear_solver '{name}' is not in this library; build it with the cargo feature '{name}', or choose 'auto' or 'native'"
+    ))
+}
+
+#[cfg(feature = "suitesparse")]
+fn suitesparse(ordering: Ordering) -> Option<Box<dyn SymmetricSolver>> {
+    Some(Box::new(super::SuiteSparse::with_ordering(ordering)))
+}
+
+#[cfg(not(feature = "suitesparse"))]
+fn suitesparse(_: Ordering) -> Option<Box<dyn SymmetricSolver>> {
+    None
 }
 
 #[cfg(feature = "faer")]
@@ -38,7 +49,7 @@ fn blocks(_: Ordering) -> Option<Box<dyn SymmetricSolver>> {
     None
 }
 
-/// SuiteSparse where the factors are sparse, faer (if it is there) where an entry of L costs [`BLOCKS_FROM`] operations
+/// Columns ([`Columns`]) where the factors are sparse, faer (if it is there) where an entry of L costs [`BLOCKS_FROM`] operations
 /// or more. The choice depends on the structure alone.
 pub struct Auto {
     ordering: Ordering,
@@ -48,7 +59,7 @@ pub struct Auto {
 impl Auto {
     /// A solver without a structure; call [`SymmetricSolver::analyse`] next.
     pub fn new(ordering: Ordering) -> Auto {
-        Auto { ordering, chosen: Box::new(SuiteSparse::new()) }
+        Auto { ordering, chosen: Box::new(Columns::new()) }
     }
 }
 
@@ -60,7 +71,7 @@ impl SymmetricSolver for Auto {
     fn analyse(&mut self, upper: &Pattern) -> Result<()> {
         super::check_upper(upper)?;
         let ordering = Ordering::Given(self.ordering.order(upper)?);
-        let mut columns = SuiteSparse::with_ordering(ordering.clone());
+        let mut columns = Columns::with_ordering(ordering.clone());
         columns.analyse(upper)?;
         let st = columns.stats();
         self.chosen = Box::new(columns);
@@ -102,16 +113,23 @@ mod tests {
             s.analyse(&Pattern::dense_upper(n)).unwrap();
             s.name()
         };
-        assert_eq!(name(50), "suitesparse");
-        assert_eq!(name(300), if cfg!(feature = "faer") { "faer" } else { "suitesparse" });
+        let columns = Columns::new().name();
+        assert_eq!(name(50), columns);
+        assert_eq!(name(300), if cfg!(feature = "faer") { "faer" } else { columns });
     }
 
     #[test]
     fn by_name() {
-        assert_eq!(solver(LinearSolver::Suitesparse, Ordering::Amd).unwrap().name(), "suitesparse");
-        match solver(LinearSolver::Faer, Ordering::Natural) {
-            Ok(s) => assert_eq!(s.name(), "faer"),
-            Err(e) => assert!(!cfg!(feature = "faer") && e.to_string().contains("cargo feature"), "{e}"),
+        assert_eq!(solver(LinearSolver::Native, Ordering::Amd).unwrap().name(), "native");
+        let optional = [
+            (LinearSolver::Suitesparse, "suitesparse", cfg!(feature = "suitesparse")),
+            (LinearSolver::Faer, "faer", cfg!(feature = "faer")),
+        ];
+        for (kind, name, present) in optional {
+            match solver(kind, Ordering::Natural) {
+                Ok(s) => assert!(present && s.name() == name),
+                Err(e) => assert!(!present && e.to_string().contains("cargo feature"), "{e}"),
+            }
         }
     }
 }

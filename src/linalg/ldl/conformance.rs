@@ -3,7 +3,9 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::Ordering;
-use super::{Auto, Dense, Factorisation, Inertia, SuiteSparse, SymmetricSolver};
+#[cfg(feature = "suitesparse")]
+use super::SuiteSparse;
+use super::{Auto, Dense, Factorisation, Inertia, Native, SymmetricSolver};
 #[cfg(feature = "faer")]
 use super::{Faer, Form};
 use crate::error::Error;
@@ -314,7 +316,10 @@ macro_rules! conformance {
     };
 }
 
+#[cfg(feature = "suitesparse")]
 conformance!(suitesparse, SuiteSparse::new());
+conformance!(native, Native::new());
+conformance!(native_natural, Native::with_ordering(Ordering::Natural));
 conformance!(dense, Dense::new());
 conformance!(auto, Auto::new(Ordering::Amd));
 #[cfg(feature = "faer")]
@@ -323,4 +328,67 @@ conformance!(faer_simplicial, Faer::new(Form::Simplicial, Ordering::Amd));
 conformance!(faer_supernodal, Faer::new(Form::Supernodal, Ordering::Amd));
 #[cfg(feature = "faer")]
 conformance!(faer_pivoted, Faer::new(Form::Pivoted, Ordering::Amd));
+#[cfg(feature = "suitesparse")]
 conformance!(suitesparse_natural, SuiteSparse::with_ordering(Ordering::Natural));
+
+/// Both have the same order, the same structure of L, and do the same operations one after the other: they differ by no more than a
+/// compiler that joins products and sums makes of them.
+#[cfg(feature = "suitesparse")]
+#[test]
+fn native_is_suitesparse() {
+    let mut rng = Rng(17);
+    for round in 0..60 {
+        let (n, m) = (1 + rng.below(150), rng.below(100));
+        let (p, v) = random_kkt(&mut rng, n, m);
+        let b: Vec<f64> = (0..n + m).map(|_| rng.unit()).collect();
+        let ordering = if round % 3 == 0 { Ordering::Natural } else { Ordering::Amd };
+        let mut theirs = SuiteSparse::with_ordering(ordering.clone());
+        let mut ours = Native::with_ordering(ordering);
+        theirs.analyse(&p).unwrap();
+        ours.analyse(&p).unwrap();
+        assert_eq!(theirs.factor(&v), ours.factor(&v));
+        let (st, so) = (theirs.stats(), ours.stats());
+        assert_eq!((st.nnz_l, st.flops), (so.nnz_l, so.flops));
+        // Entries of x carry the errors of n eliminations, enlarged by the condition of the pivots at most.
+        let scale = (n + m) as f64 * f64::EPSILON * st.max_abs_pivot / st.min_abs_pivot;
+        let (d, order) = theirs.pivots();
+        assert_eq!(order, ours.pivots().1);
+        assert!(d.iter().zip(ours.pivots().0).all(|(a, b)| (a - b).abs() <= scale * a.abs()));
+        let (mut x, mut y) = (b.clone(), b);
+        theirs.solve(&mut x);
+        ours.solve(&mut y);
+        let largest = x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        assert!(x.iter().zip(&y).all(|(a, b)| (a - b).abs() <= scale * largest));
+        if cfg!(target_arch = "x86_64") {
+            // no compiler joins there
+            assert_eq!(x, y);
+        }
+    }
+}
+
+/// Structures of all kinds: sparse, with full rows, with empty ones, without diagonals.
+#[cfg(feature = "suitesparse")]
+#[test]
+fn orders_are_those_of_suitesparse() {
+    let mut rng = Rng(23);
+    for round in 0..400 {
+        let n = 1 + rng.below(if round % 20 == 0 { 1000 } else { 60 });
+        let (mut rows, mut cols) = (Vec::new(), Vec::new());
+        let mut add = |i: usize, j: usize| {
+            rows.push(i.min(j));
+            cols.push(i.max(j));
+        };
+        for _ in 0..rng.below(5) * n {
+            add(rng.below(n), rng.below(n));
+        }
+        for _ in 0..rng.below(3) {
+            let full = rng.below(n);
+            (0..n).for_each(|i| add(i, full));
+        }
+        if rng.unit() > 0.0 {
+            (0..n).for_each(|i| add(i, i));
+        }
+        let (p, _) = Pattern::from_triplets(n, n, &rows, &cols);
+        assert_eq!(super::suitesparse::amd(&p).unwrap(), super::native::amd(&p).unwrap(), "{n} rows, round {round}");
+    }
+}

@@ -19,15 +19,29 @@ mod conformance;
 mod dense;
 #[cfg(feature = "faer")]
 mod faer;
+mod native;
 mod ordering;
+#[cfg(feature = "suitesparse")]
 mod suitesparse;
 
 pub use auto::{solver, Auto, BLOCKS_FROM};
 pub use dense::Dense;
 #[cfg(feature = "faer")]
 pub use faer::{Faer, Form};
+pub use native::Native;
 pub use ordering::{interleaved, Ordering};
+#[cfg(feature = "suitesparse")]
 pub use suitesparse::SuiteSparse;
+
+#[cfg(not(feature = "suitesparse"))]
+use native::amd;
+#[cfg(not(feature = "suitesparse"))]
+pub use native::Native as Columns;
+#[cfg(feature = "suitesparse")]
+use suitesparse::amd;
+/// The backend that eliminates column by column where none is named, and the order that it takes.
+#[cfg(feature = "suitesparse")]
+pub use suitesparse::SuiteSparse as Columns;
 
 use super::csc::Pattern;
 use crate::error::{Error, Result};

@@ -1,6 +1,6 @@
 //! Orders of elimination, and the permuted matrix a backend factors.
 
-use super::suitesparse::amd;
+use super::amd;
 use crate::error::{Error, Result};
 use crate::linalg::csc::Pattern;
 

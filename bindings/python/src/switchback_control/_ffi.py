@@ -112,6 +112,7 @@ class LinearSolver(Names):
     AUTO = 0
     SUITESPARSE = 1
     FAER = 2
+    NATIVE = 3
 
 
 class Ordering(Names):

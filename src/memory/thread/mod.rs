@@ -1,18 +1,27 @@
 //! Threads whose beginning may be refused.
 //!
-//! A thread of `std` has a handle for which `std` asks the allocator of the system, past that of the library, and where
-//! there is no room for those 48 bytes the process ends. The threads here ask for nothing that cannot be refused.
+//! Each system has its own way to begin one, behind the same interface: `launch`, and a `Running` that is waited for when it is
+//! dropped. Where there are no threads, none begins, and the callers do the work themselves.
 
 #![allow(unsafe_code)]
 
-use std::ffi::c_void;
-use std::mem::MaybeUninit;
-use std::panic::{catch_unwind, AssertUnwindSafe};
-use std::ptr;
+#[cfg(unix)]
+mod posix;
+#[cfg(unix)]
+use posix as system;
+#[cfg(windows)]
+mod windows;
+#[cfg(windows)]
+use windows as system;
+#[cfg(not(any(unix, windows)))]
+mod absent;
+#[cfg(not(any(unix, windows)))]
+use absent as system;
 
 use super::room_for_thread;
 
 /// Bytes of the stack of a thread, as many as `std` gives.
+#[cfg(any(unix, windows))]
 const STACK: usize = 2 << 20;
 
 type Work<'a> = Box<dyn FnOnce() + Send + 'a>;
@@ -20,21 +29,15 @@ type Work<'a> = Box<dyn FnOnce() + Send + 'a>;
 /// A thread that runs, or has ended; it is waited for when this is dropped.
 #[derive(Debug)]
 pub struct Thread {
-    id: libc::pthread_t,
+    _running: system::Running,
 }
 
 impl Thread {
-    /// Begins `work` on a thread of its own, where a panic ends nothing else; none where there is no room for one.
+    /// Begins `work` on a thread of its own, where a panic ends nothing else; none where there is no room for one, or where
+    /// the system has no threads.
     pub fn start(work: impl FnOnce() + Send + 'static) -> Option<Thread> {
         // SAFETY: what the work has borrowed lives as long as the program.
         unsafe { launch(Box::new(work)) }
-    }
-}
-
-impl Drop for Thread {
-    fn drop(&mut self) {
-        // SAFETY: the thread was begun, and is waited for once.
-        unsafe { libc::pthread_join(self.id, ptr::null_mut()) };
     }
 }
 
@@ -54,36 +57,13 @@ unsafe fn launch(work: Work<'_>) -> Option<Thread> {
     if !room_for_thread() {
         return None;
     }
-    let task = Box::into_raw(Box::new(work));
-    let mut id = MaybeUninit::<libc::pthread_t>::uninit();
-    let mut attributes = MaybeUninit::<libc::pthread_attr_t>::uninit();
-    // SAFETY: the attributes are initialised before they are used, and destroyed once; `task` belongs to the thread where that begins.
-    unsafe {
-        let mut begun = libc::pthread_attr_init(attributes.as_mut_ptr()) == 0;
-        if begun {
-            // refused where the system wants more: then the thread has the stack that is usual there
-            libc::pthread_attr_setstacksize(attributes.as_mut_ptr(), STACK);
-            begun = libc::pthread_create(id.as_mut_ptr(), attributes.as_ptr(), run, task.cast()) == 0;
-            libc::pthread_attr_destroy(attributes.as_mut_ptr());
-        }
-        if begun {
-            return Some(Thread { id: id.assume_init() });
-        }
-        drop(Box::from_raw(task));
-    }
-    None
+    // SAFETY: the caller sees to it.
+    unsafe { system::launch(work) }.map(|running| Thread { _running: running })
 }
 
-extern "C" fn run(task: *mut c_void) -> *mut c_void {
-    // SAFETY: `launch` has made the box, and nobody else has it.
-    let work = unsafe { Box::from_raw(task.cast::<Work<'_>>()) };
-    // whoever waits sees that nothing came
-    let _ = catch_unwind(AssertUnwindSafe(work));
-    ptr::null_mut()
-}
-
-#[cfg(test)]
+#[cfg(all(test, any(unix, windows)))]
 mod tests {
+    use std::panic::{catch_unwind, AssertUnwindSafe};
     use std::sync::atomic::{AtomicUsize, Ordering};
     use std::sync::Arc;
 
