@@ -11,7 +11,9 @@ use switchback::fesd::{Fesd, Options, Spec};
 use switchback::func::Dims;
 use switchback::linalg::csc::Pattern;
 use switchback::linalg::kkt::{Kkt, KktSettings};
-use switchback::linalg::ldl::{interleaved, solver, Ordering, SuiteSparse, SymmetricSolver};
+#[cfg(feature = "suitesparse")]
+use switchback::linalg::ldl::SuiteSparse;
+use switchback::linalg::ldl::{interleaved, solver, Native, Ordering, SymmetricSolver};
 #[cfg(feature = "faer")]
 use switchback::linalg::ldl::{Faer, Form};
 use switchback::mpcc::Mpcc;
@@ -89,7 +91,9 @@ fn newton_matrix(system: &System, n_stages: usize, n_fe: usize, n_s: usize) -> (
 type Make = fn(Ordering) -> Box<dyn SymmetricSolver>;
 
 const BACKENDS: &[(&str, Make)] = &[
+    #[cfg(feature = "suitesparse")]
     ("suitesparse", |o| Box::new(SuiteSparse::with_ordering(o))),
+    ("native", |o| Box::new(Native::with_ordering(o))),
     #[cfg(feature = "faer")]
     ("faer simplicial", |o| Box::new(Faer::new(Form::Simplicial, o))),
     #[cfg(feature = "faer")]
@@ -261,8 +265,9 @@ pub fn run(c: &Context) {
         "Gflop/s",
     ]);
     let mut plot =
-        Plot::new("Factorisation of Newton matrices", "flops / nnz(L)", "time / time of suitesparse").log_log();
-    let mut ratios: Vec<Vec<(f64, f64)>> = vec![Vec::new(); 4];
+        Plot::new("Factorisation of Newton matrices", "flops / nnz(L)", &format!("time / time of {}", BACKENDS[0].0))
+            .log_log();
+    let mut ratios: Vec<Vec<(f64, f64)>> = vec![Vec::new(); BACKENDS.len()];
     for (name, p, v, n) in &problems {
         for (order_name, ordering) in [("amd", Ordering::Amd), ("natural", Ordering::Given(interleaved(p, *n)))] {
             let mut reference = f64::NAN;

@@ -174,7 +174,9 @@ fn fits(v: u64, what: &str) -> Result<()> {
     )))
 }
 
-/// Approximate minimum degree order of the symmetric matrix with this upper triangle: `order[k]` is the `k`-th pivot.
+/// Approximate minimum degree order of the symmetric matrix with this upper triangle: `order[k]` is the `k`-th pivot. Where
+/// SuiteSparse is linked its own takes the place of this one.
+#[cfg(any(test, not(feature = "suitesparse")))]
 pub(super) fn amd(upper: &Pattern) -> Result<Vec<usize>> {
     let n = upper.n_cols();
     if n == 0 {
