@@ -17,6 +17,13 @@
 #pragma GCC diagnostic pop
 #endif
 
+/* a library of the system that is none of CasADi */
+#ifdef _WIN32
+#define ANY_LIBRARY "msvcrt.dll"
+#else
+#define ANY_LIBRARY "libm.so.6"
+#endif
+
 static swb_function *linked(const char *name, swb_casadi f, swb_casadi jac, swb_casadi hess, int64_t nx, int64_t nu)
 {
     swb_function *out = NULL;
@@ -126,9 +133,9 @@ static void refusals(void)
     CHECK(strstr(swb_last_error(), "/no/such.so") != NULL);
     CHECK_STATUS(SWB_ERR_NULL, swb_function_from_casadi_library(NULL, "f", NULL, 2, 0, 0, &out));
     CHECK_STATUS(SWB_ERR_RANGE, swb_function_from_casadi_library("", "f", NULL, 2, 0, 0, &out));
-    CHECK_STATUS(SWB_ERR_LIBRARY, swb_function_from_casadi_library("libm.so.6", "f", NULL, 2, 0, 0, &out));
-    CHECK_STATUS(SWB_ERR_LIBRARY, swb_function_from_casadi_library("libm.so.6", "cos", NULL, 2, 0, 0, &out));
-    CHECK_STATUS(SWB_ERR_LIBRARY, swb_function_from_casadi_file("libm.so.6", "f", "f", NULL, 2, 0, 0, &out));
+    CHECK_STATUS(SWB_ERR_LIBRARY, swb_function_from_casadi_library(ANY_LIBRARY, "f", NULL, 2, 0, 0, &out));
+    CHECK_STATUS(SWB_ERR_LIBRARY, swb_function_from_casadi_library(ANY_LIBRARY, "cos", NULL, 2, 0, 0, &out));
+    CHECK_STATUS(SWB_ERR_LIBRARY, swb_function_from_casadi_file(ANY_LIBRARY, "f", "f", NULL, 2, 0, 0, &out));
     CHECK(out == NULL && strstr(swb_last_error(), "no library of CasADi") != NULL);
 }
 

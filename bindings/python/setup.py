@@ -4,6 +4,7 @@ distribution, what cargo builds of the crate in it. Source distributions hold th
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 from setuptools import Distribution, setup
@@ -17,21 +18,27 @@ except ImportError:  # before setuptools 70.1
 
 HERE = Path(__file__).resolve().parent
 CRATE = HERE / "crate"  # in a source distribution
+# What cargo and the package call the library, by what its name ends with.
+NAMES = {".so": "libswitchback.so", ".dylib": "libswitchback.dylib", ".dll": "switchback.dll"}
+NAME = NAMES[{"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")]
 
 
 def build_crate() -> Path:
-    """The library, built of the crate of a source distribution."""
+    """The library, built of the crate of a source distribution; without SuiteSparse on Windows, and where SWITCHBACK_SUITESPARSE is 0."""
     target = Path(os.environ.get("CARGO_TARGET_DIR") or CRATE / "target")
+    linked = os.environ.get("SWITCHBACK_SUITESPARSE", "0" if sys.platform == "win32" else "1") != "0"
+    features = [] if linked else ["--no-default-features", "--features", "allocator"]
     try:
-        subprocess.run(["cargo", "build", "--release", "--locked", "--lib"], cwd=CRATE, check=True)
+        subprocess.run(["cargo", "build", "--release", "--locked", "--lib", *features], cwd=CRATE, check=True)
     except FileNotFoundError:
         raise SystemExit("switchback: building from source needs Rust (https://rustup.rs): there is no cargo here") from None
     except subprocess.CalledProcessError:
         raise SystemExit(
             "switchback: cargo could not build the library; where the linker found no ldl or amd, install SuiteSparse "
-            "(apt-get install libsuitesparse-dev), or set SUITESPARSE_LIB_DIR to where it is"
+            "(apt-get install libsuitesparse-dev), or set SUITESPARSE_LIB_DIR to where it is, or SWITCHBACK_SUITESPARSE=0 "
+            "to build without it"
         ) from None
-    return target / "release" / "libswitchback.so"
+    return target / "release" / NAME
 
 
 def library() -> Path:
@@ -39,7 +46,7 @@ def library() -> Path:
     if not chosen and (CRATE / "Cargo.toml").is_file():
         return build_crate()
     target = os.environ.get("CARGO_TARGET_DIR") or HERE.parents[1] / "target"
-    path = Path(chosen) if chosen else Path(target) / "release" / "libswitchback.so"
+    path = Path(chosen) if chosen else Path(target) / "release" / NAME
     if not path.is_file():
         raise SystemExit(
             f"switchback: there is no library {path}; build it with 'cargo build --release', "
@@ -55,10 +62,12 @@ class BuildWithLibrary(build_py):
         if not editable:
             shutil.rmtree(destination, ignore_errors=True)  # of an earlier build
         super().run()
-        copy = destination / "libswitchback.so"
-        shutil.copyfile(library(), copy)
+        source = library()
+        # of another platform where that is what --plat-name says
+        copy = destination / NAMES.get(source.suffix, NAME)
+        shutil.copyfile(source, copy)
         strip = shutil.which("strip")
-        if strip:  # 24 MB with names of lines, 6 MB without
+        if strip and copy.suffix == ".so":  # 24 MB with names of lines, 6 MB without
             subprocess.run([strip, "--strip-unneeded", str(copy)], check=True)
 
 

@@ -5,23 +5,32 @@ from __future__ import annotations
 import ctypes
 import ctypes.util
 import os
+import sys
 from pathlib import Path
 
 from . import _ffi
 
-_NAME = "libswitchback.so"
+
+def _names() -> tuple[str, str]:
+    """What the library is called on this platform, and with the number of its ABI."""
+    major, minor, _ = _ffi.VERSION
+    number = f"0.{minor}" if major == 0 else f"{major}"
+    if sys.platform == "win32":
+        return "switchback.dll", f"switchback-{number}.dll"
+    if sys.platform == "darwin":
+        return "libswitchback.dylib", f"libswitchback.{number}.dylib"
+    return "libswitchback.so", f"libswitchback.so.{number}"
 
 
 def _load() -> tuple[ctypes.CDLL, str]:
     chosen = os.environ.get("SWITCHBACK_LIBRARY")
-    bundled = Path(__file__).resolve().parent / _NAME
+    name, numbered = _names()
+    bundled = Path(__file__).resolve().parent / name
     if chosen:
         places = [chosen]
     else:
-        major, minor, _ = _ffi.VERSION
-        soname = f"{_NAME}.0.{minor}" if major == 0 else f"{_NAME}.{major}"
         places = [str(bundled)] if bundled.is_file() else []
-        places += [soname, _NAME]
+        places += [numbered, name]
         found = ctypes.util.find_library("switchback")
         places += [found] if found else []
     failures = []

@@ -17,12 +17,14 @@ Functions of a model are smooth: what jumps or has a kink is stated by modes and
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -219,7 +221,7 @@ def _compiled(bundle: list[Any], sizes: dict[str, int], shape: tuple[int, ...]) 
     compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if not compiler:
         raise OSError("there is no C compiler: install one, or name it in the variable CC")
-    with tempfile.TemporaryDirectory(prefix="switchback") as folder:
+    with _folder() as folder:
         generator = ca.CodeGenerator("code")
         for f in bundle:
             generator.add(f)
@@ -229,6 +231,16 @@ def _compiled(bundle: list[Any], sizes: dict[str, int], shape: tuple[int, ...]) 
         subprocess.run(command, check=True, capture_output=True, text=True)
         # The loader keeps the file when its name is gone.
         return _made("library", [library], bundle[0].name(), None, sizes, shape)
+
+
+@contextlib.contextmanager
+def _folder() -> Iterator[str]:
+    """A folder for a library that stays open: Windows keeps such files, and the system's cleaning removes them."""
+    folder = tempfile.mkdtemp(prefix="switchback")
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=sys.platform == "win32")
 
 
 def _interpreted(bundle: list[Any], sizes: dict[str, int], shape: tuple[int, ...]) -> Function:
@@ -246,15 +258,15 @@ def _casadi_library() -> str:
     """The library that the imported CasADi uses."""
     import casadi as ca
 
-    candidates = sorted(Path(ca.__file__).parent.glob("libcasadi.so*")) + sorted(
-        Path(ca.__file__).parent.glob("libcasadi*.dylib")
-    )
-    if candidates:
-        return str(candidates[0])
-    with open("/proc/self/maps", encoding="utf-8") as maps:
-        for line in maps:
-            if "/libcasadi.so" in line:
-                return line[line.index("/") :].strip()
+    folder = Path(ca.__file__).parent
+    for pattern in ("libcasadi.so*", "libcasadi*.dylib", "libcasadi.dll"):
+        for candidate in sorted(folder.glob(pattern)):
+            return str(candidate)
+    if sys.platform == "linux":
+        with open("/proc/self/maps", encoding="utf-8") as maps:
+            for line in maps:
+                if "/libcasadi.so" in line:
+                    return line[line.index("/") :].strip()
     raise LibraryError("the library of CasADi cannot be found")
 
 
