@@ -8,6 +8,7 @@
 # make quick     formatting, layers and unit tests, while one works: two minutes after a change of one line
 # make install   library, header, CMake and pkg-config files into PREFIX
 # make header    write what is made of src/settings/options.toml, include/switchback.h, include/api.json, and from that what Python and Julia declare
+# make platforms  build for aarch64, musl, Windows, WebAssembly and macOS, and run the C tests there where this machine can; takes long
 # make release-wheel  a wheel that needs nothing of the system, and a source distribution, into build/dist
 # make fuzz      try to break the library for FUZZ_SECONDS, from SEED on; see fuzz/README.md
 # make nightly   what takes too long for every commit: the shipped library in all tests, an hour of fuzzing, every fault, the site, the wheel
@@ -228,6 +229,10 @@ endif
 .PHONY: release-wheel
 release-wheel: deps
 	sh scripts/release_wheel.sh $(BUILD)
+
+.PHONY: platforms
+platforms:
+	sh scripts/platforms.sh $(BUILD)
 
 check-python:
 ifneq ($(wildcard bindings/python/pyproject.toml),)

@@ -48,7 +48,8 @@
 //! options with `..Default::default()` and matches with `_`. Modules that this page does not list are the parts these are
 //! made of; they change without notice.
 //!
-//! The build needs the libraries LDL and AMD of SuiteSparse (Debian: `libsuitesparse-dev`). The C interface is in the
+//! The build needs the libraries LDL and AMD of SuiteSparse (Debian: `libsuitesparse-dev`), unless the feature
+//! `suitesparse`, which is on by default, is left out. The C interface is in the
 //! same crate: build scripts of crates that depend on this one find its header in `DEP_SWITCHBACK_INCLUDE`.
 //!
 //! Equation and section numbers in brackets are those of A. Nurkanović, *Numerical Methods for Optimal Control of
