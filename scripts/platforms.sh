@@ -134,7 +134,10 @@ for platform in "$@"; do
                     '__declspec(dllexport) BOOL WINAPI ProcessPrng(PBYTE p, SIZE_T n) { return SystemFunction036(p, (ULONG)n); }' |
                     x86_64-w64-mingw32-gcc-posix -x c - -shared -o "$work/dll/bcryptprimitives.dll" -ladvapi32
             fi
-            runner windows "export WINEPREFIX=$work/wine WINEDEBUG=-all WINEPATH=$work/dll
+            # not in this tree: its folder has a link to the root of the file system, which cargo would follow
+            prefix=$(mktemp -d)
+            trap 'rm -rf "$prefix"' EXIT
+            runner windows "export WINEPREFIX=$prefix WINEDEBUG=-all WINEPATH=$work/dll
 exec $wine \"\$1.exe\""
             # processes that fork, and signals
             tests windows "test_handles"
