@@ -4,6 +4,7 @@
 #
 # Libraries are stripped where there is an objcopy. What debuggers read about the shared one is in LIBDIR/.debug, where they look for it.
 # DESTDIR in the environment is put in front of the prefix.
+# The files in BUILD_DIR say for which system: libswitchback.so, libswitchback.dylib, switchback.dll, and static libraries beside them.
 
 cmake_minimum_required(VERSION 3.16)
 get_filename_component(root "${CMAKE_CURRENT_LIST_DIR}/.." ABSOLUTE)
@@ -96,7 +97,8 @@ endfunction()
 if(NOT DEFINED STRIP)
   set(STRIP ON)
 endif()
-if(STRIP)
+# The symbols of macOS are signed, and those of Windows are in files of their own.
+if(STRIP AND SHARED MATCHES "\\.so")
   find_program(OBJCOPY NAMES objcopy llvm-objcopy)
 endif()
 
@@ -138,7 +140,7 @@ if(EXISTS "${shared}")
       message(STATUS "not stripped: ${libdir}/${full}")
     endif()
   endif()
-  foreach(link "libswitchback.so.${ABI}" libswitchback.so)
+  foreach(link IN LISTS LINKS)
     file(REMOVE "${libdir}/${link}")
     file(CREATE_LINK "${full}" "${libdir}/${link}" SYMBOLIC)
   endforeach()

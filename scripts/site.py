@@ -65,6 +65,7 @@ NAVIGATION = """
       - Solutions of optimal control: ocp_results.md
       - Options: options.md
       - Errors: errors.md
+      - Platforms: platforms.md
       - Python: python.md
       - Reference of Python: api_python/index.md
       - Reference of C: api_c/index.md
