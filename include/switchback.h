@@ -495,7 +495,7 @@ enum swb_linear_solver
      */
     SWB_LINEAR_SOLVER_FAER = 2,
     /**
-     * The same as SuiteSparse LDL, of this library itself.
+     * SuiteSparse's column-by-column algorithm, built into this library.
      */
     SWB_LINEAR_SOLVER_NATIVE = 3,
 };

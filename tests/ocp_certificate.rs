@@ -476,7 +476,8 @@ fn what_touches_a_surface_keeps_a_distance_that_its_controls_lead_past() {
         let (r, o) = solve(&mut o);
         let simulated = r.accuracy.as_ref().unwrap();
         assert!(simulated.n_switches == 0 && simulated.terminal < 1e-6, "{simulated:?}");
-        assert!(matches!(o.verdict, Verdict::Kink) && o.residual < 1e-6, "{o:?}");
+        // of derivatives of simulations, relative to those of the cost alone
+        assert!(matches!(o.verdict, Verdict::Kink) && o.residual < 1e-5, "{o:?}");
         assert!(o.kinks.iter().all(|k| k.touch), "{o:?}");
         let closest = r.trajectory.elements.iter().map(|e| (e.x1[0] - 1.0).hypot(e.x1[1] + 0.1) - 0.4);
         let closest = closest.fold(f64::INFINITY, f64::min);

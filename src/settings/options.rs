@@ -312,7 +312,7 @@ pub enum LinearSolver {
     Suitesparse = 1,
     /// Dense blocks of columns, by faer; only in a library built with it.
     Faer = 2,
-    /// The same as SuiteSparse LDL, of this library itself.
+    /// SuiteSparse's column-by-column algorithm, built into this library.
     Native = 3,
 }
 

@@ -23,7 +23,7 @@ def claims(block):
 
 @pytest.mark.parametrize("page", RECIPES, ids=lambda p: p.stem)
 def test_recipes_run(page, tmp_path, monkeypatch, capsys):
-    pytest.importorskip("matplotlib")
+    plt = pytest.importorskip("matplotlib.pyplot")
     pytest.importorskip("scipy")
     monkeypatch.chdir(tmp_path)
     names = {"__name__": page.stem}
@@ -40,6 +40,7 @@ def test_recipes_run(page, tmp_path, monkeypatch, capsys):
                 assert found, f"'{claim}' is said, printed is '{out}'"
             for word in ("True", "False", "local_optimum"):
                 assert word not in claim or word in out
+    plt.close("all")
     assert said >= 3
     assert (tmp_path / f"{page.stem}.png").is_file()
 

@@ -550,8 +550,8 @@ impl Engine {
             if self.outcome != Outcome::Reached {
                 return Ok(Progress::Done);
             }
-            if self.restart {
-                // gone through by steps
+            if self.restart || self.unmade {
+                // gone through by steps, or ended on the way
                 return Ok(Progress::Switched);
             }
         }
