@@ -89,9 +89,11 @@ impl Engine {
             return false;
         }
         let size = self.samples[l].iter().fold(self.w0[l].abs(), |m, v| m.max(v.abs()));
+        if rate.abs() * full > FLAT * size {
+            return false;
+        }
         // what is rounding all the way has no rate that says anything
-        let rounding = NEAR * EPS * w.scale(&self.field.dq, &self.field, self.step.t, &self.step.x1).value;
-        size > rounding && rate.abs() * full <= FLAT * size
+        size > NEAR * EPS * w.scale(&self.field.dq, &self.field, self.step.t, &self.step.x1).value
     }
 
     /// Does the value before the end of the step, along the velocity there, come from more than the rate? At a distance that is larger than

@@ -342,9 +342,10 @@ impl Engine {
     }
 
     /// Least value of a watched function that is not told from one that touches zero: the local tolerances of the states, projected on it, a few
-    /// times. None where its zero means something else, or has been divided out.
+    /// times. None where its zero means something else, or has been divided out, and where no derivatives are recorded: only they have sides.
     fn grazes(&mut self, l: usize, power: usize) -> Option<f64> {
-        if power > 0 {
+        let recorded = self.sens.is_some() || self.tape.is_some();
+        if power > 0 || !recorded {
             return None;
         }
         let (w, s) = (self.watches[l], &self.step);
