@@ -98,8 +98,10 @@ benchmarks: deps build
 site: deps
 	$(MAKE) wheel
 	sh scripts/site_deps.sh $(BUILD)
+	$(VENV)/bin/python scripts/playground.py $(BUILD)
 	$(VENV)/bin/python scripts/site.py $(BUILD)
 	$(VENV)/bin/python scripts/site_look.py $(BUILD)/site $(BUILD)/site_pictures
+	$(VENV)/bin/python scripts/playground_look.py $(BUILD)/site $(BUILD)/site_pictures
 
 pictures: deps
 	$(MAKE) wheel

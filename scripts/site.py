@@ -41,6 +41,7 @@ NAVIGATION = """
       - Switchback: index.md
       - Overview: overview.md
       - First hour: tutorial.md
+      - Playground: playground.md
       - What to expect: expect.md
       - Limits: limits.md
   - Gallery: gallery/index.md
@@ -156,6 +157,23 @@ def start(text: str) -> str:
     return re.sub(r"\A(```\n.*?\n```\n)\n(# [^\n]*\n)", lambda m: f"{m[2]}\n{drawn}\n{m[1]}", text, flags=re.S)
 
 
+#: What a page needs that has a playground, and what stands in its place where the module was not built (see playground.py).
+PLAYGROUND = '\n\n<link rel="stylesheet" href="playground/playground.css">\n<script type="module" src="playground/playground.mjs"></script>\n'
+LEFT_OUT = "The playground was left out when these pages were made: there was no compiler for WebAssembly."
+PLACE = re.compile(r'<div class="swb-playground">.*?</div>\n', re.S)
+
+
+def with_playground(texts: dict[str, str], built: bool) -> dict[str, str]:
+    """The pages with the playground: its own, and the first one in front of the first program."""
+    page = texts["playground.md"]
+    place = PLACE.search(page)[0]
+    first = re.sub(r"^(?=## A first program$)", lambda _: f"## Try it\n\n{place}\n[What can be written](playground.md)\n\n", texts["index.md"], count=1, flags=re.M)
+    if built:
+        return texts | {"playground.md": page + PLAYGROUND, "index.md": first + PLAYGROUND}
+    print("left out: the playground of the pages")
+    return texts | {"playground.md": page.replace(place, f"{LEFT_OUT}\n")}
+
+
 def gallery() -> dict[str, str]:
     """A page for every example: pictures, and code in Python, C and Julia. The first page has a picture of each."""
     kept = ROOT / "docs" / "pictures" / "gallery"
@@ -264,6 +282,11 @@ def main() -> int:
         shutil.copyfile(picture, place)
     texts = {target: rewritten((ROOT / name).read_text(encoding="utf-8"), ROOT / name, target) for name, target in PAGES.items()}
     texts["index.md"] = start(texts["index.md"])
+    module = folder / "playground"
+    built = (module / "switchback.wasm").is_file()
+    if built:
+        shutil.copytree(module, source / "playground")
+    texts = with_playground(texts, built)
     made = {"gallery": gallery(), **{f"api_{language}": reference() for language, reference in REFERENCES.items()}}
     texts |= {f"{place}/{name}.md": text for place, pages in made.items() for name, text in pages.items()}
     for target, text in texts.items():

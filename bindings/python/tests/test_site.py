@@ -2,6 +2,8 @@
 
 import importlib.util
 import re
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -37,6 +39,31 @@ def test_the_first_page_begins_with_title_pictures_and_installation():
     title, picture, install, program = (text.index(part) for part in ("# Switchback\n", "![", "pip install", "## A first program"))
     assert title == 0 and title < picture < install < program
     assert text.count("![") == (ROOT / "README.md").read_text(encoding="utf-8").count("![")
+
+
+def test_the_playground_is_on_its_page_and_on_the_first():
+    texts = {name: (ROOT / path).read_text(encoding="utf-8") for name, path in (("index.md", "README.md"), ("playground.md", "docs/playground.md"))}
+    pages = site.with_playground(texts, True)
+    for page in pages.values():
+        assert page.count('<div class="swb-playground">') == page.count('src="playground/playground.mjs"') == 1
+    assert pages["index.md"].index("swb-playground") < pages["index.md"].index("## A first program")
+    without = site.with_playground(texts, False)
+    assert "left out" in without["playground.md"] and not any("playground.mjs\"" in page for page in without.values())
+    assert without["index.md"] == texts["index.md"]
+
+
+def test_the_playground_knows_the_functions_it_calls():
+    text, functions = script("playground").interface()
+    assert "swb_integrator_advance" in functions and "swb_ocp_solve" in functions
+    # a field begins at a multiple of its size, and the record ends at one of its largest
+    record = {"fields": [{"name": n, "type": {"base": b, "stars": s}} for n, b, s in (("a", "int32_t", 0), ("b", "double", 0), ("c", "double", 1))]}
+    assert script("playground").layout(record) == {"size": 24, "fields": {"a": [0, "i32"], "b": [8, "f64"], "c": [16, "i32"]}}
+    assert '"REACHED": 0' in text
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="there is no node here")
+def test_the_language_of_the_playground():
+    subprocess.run(["node", "web/test_language.mjs"], cwd=ROOT, check=True)
 
 
 def test_every_example_has_a_small_picture():
