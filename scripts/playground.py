@@ -21,11 +21,11 @@ TARGET = "wasm32-wasip1"
 KINDS = {"double": (8, "f64"), "int64_t": (8, "i64"), "uint64_t": (8, "u64"), "int32_t": (4, "i32"), "uint32_t": (4, "i32")}
 
 
-def used(pattern: str) -> set[str]:
-    text = (WEB / "switchback.mjs").read_text(encoding="utf-8")
-    # setters of options are called as `${kind}_set_int`
-    options = {f"swb_{kind}_set_{value}" for kind in ("ocp", "integrator") for value in ("int", "double", "string")}
-    return {name for name in re.findall(r"\bswb_\w+", text) if re.fullmatch(pattern, name)} | (options if pattern == r"swb_\w+" else set())
+def used() -> set[str]:
+    """Names of the library in the module."""
+    names = set(re.findall(r"\bswb_\w+", (WEB / "switchback.mjs").read_text(encoding="utf-8")))
+    # called as `swb_settings_set_${kind}`
+    return names - {"swb_settings_set_"} | {f"swb_settings_set_{kind}" for kind in ("int", "double", "string")}
 
 
 def layout(record: dict) -> dict:
@@ -42,13 +42,12 @@ def layout(record: dict) -> dict:
 def interface() -> tuple[str, list[str]]:
     """The module interface.mjs, and the functions in it."""
     api = json.loads((ROOT / "include" / "api.json").read_text(encoding="utf-8"))
-    names = used(r"swb_\w+")
+    names = used()
     signatures = {
         f["name"]: "".join("l" if not p["type"]["stars"] and p["type"]["base"] in ("int64_t", "uint64_t") else "n" for p in f["parameters"])
         for f in api["functions"]
         if f["name"] in names
     }
-    # the records a function writes
     records = {r["name"]: layout(r) for r in api["records"] if r["name"] in names}
     enums = {e["name"]: e["values"] for e in api["enums"] if e["name"] in names}
     prefixes = {name: "SWB_" if name == "swb_status" else f"{name.upper()}_" for name in enums}

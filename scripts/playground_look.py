@@ -96,6 +96,7 @@ class Browser:
         os.close(theirs_out)
         self.count, self.rest, self.session = 0, b"", None
         self.errors: list[str] = []
+        self.loaded = False
         # reading from a browser that hangs ends when it is ended
         self.watch = threading.Timer(4 * PATIENCE, self.process.kill)
         self.watch.start()
@@ -113,6 +114,7 @@ class Browser:
             self.rest += more
         first, _, self.rest = self.rest.partition(b"\0")
         message = json.loads(first)
+        self.loaded |= message.get("method") == "Page.loadEventFired"
         if message.get("method") == "Runtime.exceptionThrown":
             self.errors.append(message["params"]["exceptionDetails"].get("exception", {}).get("description", "an exception"))
         return message
@@ -129,9 +131,10 @@ class Browser:
                 return answer["result"]
 
     def open(self, address: str) -> None:
+        self.loaded = False
         self.ask("Page.navigate", url=address)
-        while self.message().get("method") != "Page.loadEventFired":
-            pass
+        while not self.loaded:
+            self.message()
         self.run(HELPERS)
 
     def run(self, code: str) -> Any:

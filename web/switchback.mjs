@@ -205,8 +205,9 @@ export class Switchback {
     const kinds = SIGNATURES[name];
     if (this.broken) throw new SwitchbackError("the module had a fault: load it again", null);
     if (kinds.length !== parameters.length) throw new TypeError(`${name} takes ${kinds.length} arguments, not ${parameters.length}`);
+    const given = parameters.map((p, i) => (kinds[i] === "l" ? BigInt(p) : p));
     try {
-      return this.exports[name](...parameters.map((p, i) => (kinds[i] === "l" ? BigInt(p) : p)));
+      return this.exports[name](...given);
     } catch (fault) {
       this.broken = true;
       throw fault instanceof WebAssembly.RuntimeError ? new SwitchbackError(`the module had a fault: ${fault.message}`, null) : fault;
@@ -283,24 +284,29 @@ export class Switchback {
     return { e, report, system: scope.object("swb_system_free", "swb_model_system", made) };
   }
 
-  /** Options by name, of an integrator or a problem ("swb_integrator", "swb_ocp"). */
-  configure(scope, kind, handle, options) {
+  /** Settings with options by name. */
+  settings(scope, options) {
+    const { size } = RECORDS.swb_settings;
+    const settings = scope.space(size);
+    scope.call("swb_settings_init", settings, size);
+    const set = (kind, name, value) => scope.call(`swb_settings_set_${kind}`, settings, scope.text(name), value);
     for (const { name, value, at } of options) {
-      const text = scope.text(name);
       try {
-        if (typeof value === "string") scope.call(`${kind}_set_string`, handle, text, scope.text(value));
+        if (typeof value === "string") set("string", name, scope.text(value));
+        else if (!Number.isInteger(value)) set("double", name, value);
         else {
           try {
-            scope.call(`${kind}_set_double`, handle, text, value);
+            set("int", name, value);
           } catch (error) {
-            if (error.status !== ENUMS.swb_status.ERR_OPTION || !Number.isInteger(value)) throw error;
-            scope.call(`${kind}_set_int`, handle, text, value);
+            if (error.status !== ENUMS.swb_status.ERR_OPTION) throw error;
+            set("double", name, value);
           }
         }
       } catch (error) {
         throw at && error instanceof SwitchbackError ? new SourceError(error.message, at) : error;
       }
     }
+    return settings;
   }
 
   /**
@@ -316,10 +322,9 @@ export class Switchback {
     const clock = performance.now();
     return this.scoped((s) => {
       const { system, report } = this.build(s, model);
-      const integrator = s.object("swb_integrator_free", "swb_integrator_create", system, 0);
+      const integrator = s.object("swb_integrator_free", "swb_integrator_create", system, this.settings(s, [{ name: "dense", value: 1 }, ...options]));
       const values = (kind) => model[kind].map((v) => v.value);
       const nx = model.states.length;
-      this.configure(s, "swb_integrator", integrator, [{ name: "dense", value: 1 }, ...options]);
       if (model.parameters.length) s.call("swb_integrator_set_params", integrator, s.doubles(values("parameters")), model.parameters.length);
       s.call("swb_integrator_reinit", integrator, 0, s.doubles(values("states")), nx);
       if (model.controls.length) s.call("swb_integrator_set_controls", integrator, s.doubles(values("controls")), model.controls.length);
@@ -375,8 +380,7 @@ export class Switchback {
     return this.scoped((s) => {
       const { e, system, report } = this.build(s, model);
       const [nx, nu, np] = [model.states.length, model.controls.length, model.parameters.length];
-      const ocp = s.object("swb_ocp_free", "swb_ocp_create", system, horizon, stages, 0);
-      this.configure(s, "swb_ocp", ocp, options);
+      const ocp = s.object("swb_ocp_free", "swb_ocp_create", system, horizon, stages, this.settings(s, options));
       if (rate) s.call("swb_ocp_set_lagrange", ocp, e.function("rate", [rate]));
       if (final) s.call("swb_ocp_set_mayer", ocp, e.function("final", [final]));
       s.call("swb_ocp_set_initial_state", ocp, s.doubles(model.states.map((v) => v.value)), nx);
