@@ -165,7 +165,7 @@ def native() -> dict[str, Any]:
     m.derivatives = [m.v, m.F - m.q + swb.sign(slip) / (1 + abs(slip))]
     ocp = swb.Ocp(m, horizon=2, n_stages=10, lagrange=m.F**2, initial_state=[0, 0], control_bounds=(-3, 3))
     ocp.add_terminal([m.q, m.v], [2, 0], [2, 0])
-    relay = swb.Model(states="x y z")
+    relay = swb.Model(states="a b c")
     x, y, z = relay.x
     relay.derivatives = [swb.relay(z, -1, 1) - x, x - y, y - z]
     return {
@@ -235,7 +235,7 @@ def look(browser: Browser, address: str, folder: Path) -> list[str]:
         ("states q, v\nq' = v\nsimulate 1", '"v" has no derivative'),
         ("states q\nq' = q > 1\nsimulate 1", "a number is needed"),
         ("states q\nq' = 1\noption nonsense = 1\nsimulate 1", "nonsense"),
-        ("states q = 1\nq' = q^2\nsimulate 2", "step_too_small"),
+        ("states q = 1\nq' = q^2\nsimulate 2", "step too small"),
     ):
         shown = browser.run(f"text({json.dumps(text)})")["shown"]
         if words not in shown:
@@ -257,9 +257,13 @@ def look(browser: Browser, address: str, folder: Path) -> list[str]:
     print(f"memory of the module after 2 and {len(sizes)} rounds: {sizes[1]}, {sizes[-1]} bytes")
     if sizes[-1] > sizes[1]:
         wrong.append(f"memory is not free after a run: {sizes}")
-    wide = browser.run("document.documentElement.scrollWidth - window.innerWidth")
-    if wide > 0:
-        wrong.append(f"the page is {wide} pixels too wide")
+    for width, scheme in ((1200, "slate"), (420, "default")):
+        browser.ask("Emulation.setDeviceMetricsOverride", width=width, height=1700, deviceScaleFactor=1, mobile=False)
+        browser.run(f'document.body.dataset.mdColorScheme = "{scheme}"; example("Stick and slip")')
+        wide = browser.run("Math.max(place.getBoundingClientRect().right, place.scrollWidth) - window.innerWidth")
+        if wide > 0:
+            wrong.append(f"in a window of {width} pixels the playground is {wide} pixels too wide")
+        browser.picture(folder / f"playground-{width}.png")
     return wrong + browser.errors
 
 

@@ -64,7 +64,7 @@ simulate 2.5
 states T = 17
 outside = 8 - 6*cos(2*pi*t/24)
 heating = hysteresis(-T, -19, -21)
-T' = (outside - T)/8 + 3*heating
+T' = (outside - T)/8 + 2*heating
 
 simulate 48
 `,

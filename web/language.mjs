@@ -268,7 +268,7 @@ export function parse(text) {
       r.place++;
       const key = r.take("at") ? (r.need("end"), "final") : "rate";
       once(key, first);
-      found[key] = r.sum();
+      found[key] = r.expression();
     } else if (word === "at") {
       r.place++;
       r.need("end");
@@ -288,20 +288,20 @@ export function parse(text) {
       const resets = r.list(() => {
         const name = r.name("a state");
         r.need("=");
-        return { name: name.text, node: r.sum(), at: name.at };
+        return { name: name.text, node: r.expression(), at: name.at };
       });
       found.statements.push({ kind: "when", guard, falling: mark.text[0] === "<", resets, at: first.at });
     } else if (first.kind === "name" && r.is("'", 1)) {
       r.place += 2;
       r.need("=");
-      found.statements.push({ kind: "derivative", name: first.text, node: r.sum(), at: first.at });
+      found.statements.push({ kind: "derivative", name: first.text, node: r.expression(), at: first.at });
     } else if (first.kind === "name" && r.is("=", 1)) {
       r.place += 2;
       enter(first, "defined");
       if (r.is("hysteresis") && r.is("(", 1)) {
         const { at } = r.name("hysteresis");
         r.need("(");
-        const of = r.list(() => r.sum());
+        const of = r.list(() => r.expression());
         r.need(")");
         if (of.length !== 3) throw new SourceError("hysteresis takes a value, where it goes on and where it goes off", at);
         const [on, off] = of.slice(1).map(constant);

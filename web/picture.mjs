@@ -19,6 +19,9 @@ export function ticks(low, high, n) {
   return Array.from({ length: count + 1 }, (_, i) => Number(((first + i) * step).toPrecision(12)));
 }
 
+/** A number as a label: without zeros that say nothing. */
+const label = (value) => (value !== 0 && (Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3) ? value.toExponential().replace("e+", "e") : String(value));
+
 /**
  * Panels with a common axis of time.
  *
@@ -43,7 +46,7 @@ export function picture({ panels, start, end, shaded, marks }) {
     for (const [a, b] of shaded) svg.append(element("rect", { x: x(a), y: top, width: Math.max(x(b) - x(a), 0.5), height: HEIGHT, class: "swb-sliding" }));
     for (const tick of ticks(low, high, 3)) {
       svg.append(element("line", { x1: LEFT, x2: WIDTH - RIGHT, y1: y(tick), y2: y(tick), class: "swb-grid" }));
-      svg.append(element("text", { x: LEFT - 6, y: y(tick) + 4, "text-anchor": "end" }, String(tick)));
+      svg.append(element("text", { x: LEFT - 6, y: y(tick) + 4, "text-anchor": "end" }, label(tick)));
     }
     for (const mark of marks) {
       const line = element("line", { x1: x(mark.t), x2: x(mark.t), y1: top, y2: bottom, class: mark.jump ? "swb-jump" : "swb-switch" });
@@ -62,7 +65,7 @@ export function picture({ panels, start, end, shaded, marks }) {
   const bottom = panels.length * (HEIGHT + GAP) - GAP + 6;
   for (const tick of ticks(start, end, 8)) {
     svg.append(element("line", { x1: x(tick), x2: x(tick), y1: bottom, y2: bottom + 5, class: "swb-tick" }));
-    svg.append(element("text", { x: x(tick), y: bottom + 18, "text-anchor": "middle" }, String(tick)));
+    svg.append(element("text", { x: x(tick), y: bottom + 18, "text-anchor": "middle" }, label(tick)));
   }
   return svg;
 }

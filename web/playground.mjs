@@ -42,6 +42,7 @@ class Runner {
 
 const modes = (list) => (list.length > 1 ? `{${list.join(", ")}}` : String(list[0] ?? "none"));
 const time = (seconds) => (seconds < 1 ? `${(1000 * seconds).toFixed(seconds < 0.01 ? 1 : 0)} ms` : `${seconds.toFixed(2)} s`);
+const words = (name) => name.replaceAll("_", " ");
 const digits = (value, n) => String(Number(value.toPrecision(n)));
 
 /** What changed in a jump, by name. */
@@ -84,15 +85,16 @@ function shown(found, line, extra) {
 
 function simulation(found) {
   const count = found.switches.length + found.jumps.length;
-  const line = `${found.outcome}: t = ${digits(found.t_end, 12)}, ${found.steps} steps, ${count} switch${count === 1 ? "" : "es"}, ${time(found.seconds)}`;
+  const line = `${words(found.outcome)}: t = ${digits(found.t_end, 12)}, ${found.steps} steps, ${count} switch${count === 1 ? "" : "es"}, ${time(found.seconds)}`;
   return shown(found, line, []);
 }
 
 function solution(found) {
   const { accuracy } = found;
   const compared = !accuracy ? "" : accuracy.reached ? `, ${accuracy.worst.toExponential(1)} from its simulation` : ", its simulation ends early";
-  const cost = Number.isFinite(found.cost) ? `cost ${digits(found.cost, 12)}, ${found.verdict.replace("_", " ")}${compared}, ` : "";
-  const line = `${found.outcome}: ${cost}${found.iterations} iterations, ${time(found.seconds)}`;
+  const cost = Number.isFinite(found.cost) ? `cost ${digits(found.cost, 12)}, ${words(found.verdict)}${compared}, ` : "";
+  const drawn = found.success ? "" : "; what is drawn is no solution";
+  const line = `${words(found.outcome)}: ${cost}${found.iterations} iterations, ${time(found.seconds)}${drawn}`;
   const extra = found.control_names.map((name, i) => ({ name, steps: true, t: found.control_times, values: found.controls.map((row) => row[i]) }));
   return shown(found, line, extra);
 }
