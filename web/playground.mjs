@@ -4,6 +4,8 @@ import { picture } from "./picture.mjs";
 
 const KINDS = { cross: "crosses", enter: "begins to slide", leave: "slides no more", spontaneous: "leaves, though it could stay" };
 
+const VERDICTS = { local_optimum: "a local optimum", kink: "a local optimum at a kink", not_optimal: "not optimal", unknown: "not known whether optimal" };
+
 function make(name, properties = {}, ...inside) {
   const made = Object.assign(document.createElement(name), properties);
   made.append(...inside);
@@ -74,29 +76,30 @@ function marks(found) {
 
 function panels(found) { return found.names.map((name, i) => ({ name, t: found.t, values: found.x.map((row) => row[i]) })); }
 
-function shown(found, line, extra) {
+function shown(found, line, extra, width) {
   const parts = [make("p", { className: found.success ? "swb-good" : "swb-bad", textContent: line })];
   for (const text of [found.reason, found.message]) if (text) parts.push(make("p", { textContent: text }));
-  if (found.t.length) parts.push(picture({ panels: [...panels(found), ...extra], start: 0, end: found.t_end, shaded: found.sliding, marks: marks(found) }));
+  const drawn = { panels: [...panels(found), ...extra], shaded: found.sliding, marks: marks(found) };
+  if (found.t.length) parts.push(picture({ ...drawn, start: 0, end: found.t_end, width }));
   parts.push(table(found));
   parts.push(make("details", {}, make("summary", { textContent: "what the library made of the model" }), make("pre", { textContent: found.report })));
   return parts;
 }
 
-function simulation(found) {
+function simulation(found, width) {
   const count = found.switches.length + found.jumps.length;
   const line = `${words(found.outcome)}: t = ${digits(found.t_end, 12)}, ${found.steps} steps, ${count} switch${count === 1 ? "" : "es"}, ${time(found.seconds)}`;
-  return shown(found, line, []);
+  return shown(found, line, [], width);
 }
 
-function solution(found) {
+function solution(found, width) {
   const { accuracy } = found;
   const compared = !accuracy ? "" : accuracy.reached ? `, ${accuracy.worst.toExponential(1)} from its simulation` : ", its simulation ends early";
-  const cost = Number.isFinite(found.cost) ? `cost ${digits(found.cost, 12)}, ${words(found.verdict)}${compared}, ` : "";
+  const cost = Number.isFinite(found.cost) ? `cost ${digits(found.cost, 12)}, ${VERDICTS[found.verdict]}${compared}, ` : "";
   const drawn = found.success ? "" : "; what is drawn is no solution";
   const line = `${words(found.outcome)}: ${cost}${found.iterations} iterations, ${time(found.seconds)}${drawn}`;
   const extra = found.control_names.map((name, i) => ({ name, steps: true, t: found.control_times, values: found.controls.map((row) => row[i]) }));
-  return shown(found, line, extra);
+  return shown(found, line, extra, width);
 }
 
 function playground(place) {
@@ -121,7 +124,8 @@ function playground(place) {
     output.replaceChildren(make("p", { textContent: runner.worker ? "runs ..." : "loads the library ..." }));
     try {
       const { simulation: simulated, solution: solved } = await runner.run(editor.value);
-      output.replaceChildren(...(simulated ? simulation(simulated) : []), ...(solved ? solution(solved) : []));
+      const width = Math.min(720, Math.max(320, output.clientWidth));
+      output.replaceChildren(...(simulated ? simulation(simulated, width) : []), ...(solved ? solution(solved, width) : []));
       place.found = { simulation: simulated, solution: solved };
     } catch (error) {
       place.found = { error: error.message };
