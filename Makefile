@@ -1,7 +1,7 @@
 # make demo      the first pictures, within three minutes after the build: in out/
 # make examples  all examples, in C and Python: tables on the terminal, plots in out/
 # make benchmarks  the reports on accuracy and speed, and whether the figures on the pages are theirs; takes long
-# make site      the documentation as web pages, in build/site
+# make site      the documentation as web pages, in build/site; the playground in them needs the target wasm32-wasip1 of Rust
 # make pictures  run the examples in Python and the recipes, and write their pictures into docs/pictures
 # make check     everything that must hold before a commit; what .ci/run runs. Of a library without link-time optimisation, which two
 #                processors build in half of the time; make check PROFILE=release checks what is shipped

@@ -63,6 +63,19 @@ MEMORY = """(async () => {
   }
   return sizes;
 })()"""
+#: The README's problem by the calls that docs/playground.md shows, and the switch of the tutorial.
+CALLS = """(async () => {
+  const { Model, Switchback } = await import("./playground/switchback.mjs");
+  const library = await Switchback.load(fetch("playground/switchback.wasm").then((a) => a.arrayBuffer()));
+  const equations = "slip = 1 - v\\nq' = v\\nv' = F - q + sign(slip)/(1 + abs(slip))";
+  const task = { horizon: 2, stages: 10, rate: "F^2", bounds: { F: [-3, 3] }, terminal: { q: 2, v: [0, 0] } };
+  const belt = Model({ states: { q: 0, v: 1 }, parameters: { k: 1, mu: 0.5 } }, "q' = v\\nv' = -k*q - 0.1*v + mu*sign(1 - v)");
+  let mistake = null;
+  try { Model({ states: ["q"] }, "q' = 1\\nq' = +"); } catch (error) { mistake = [error.name, error.line, error.column]; }
+  return [library.solveOcp(Model({ states: ["q", "v"], controls: ["F"] }, equations), task).cost, library.simulate(belt, 10).switches[0].t, mistake];
+})()"""
+#: Of these every operation is defined, and switches far from its surface.
+OPERANDS = (0.3, -0.7, 1.9)
 LONG = """states q = 0, v = 0
 controls F
 q' = v
@@ -153,6 +166,19 @@ class Browser:
         self.process.wait()
 
 
+def operations() -> dict[str, float]:
+    """Expressions of a, b and c with every function of the language, and their values."""
+    a, b, c = OPERANDS
+    values = {f"{f}({x})": getattr(math, f)(value) for f, x, value in (
+        ("sqrt", "c", c), ("exp", "b", b), ("log", "c", c), ("sin", "b", b), ("cos", "b", b), ("tan", "b", b), ("asin", "b", b), ("acos", "b", b),
+        ("atan", "b", b), ("sinh", "b", b), ("cosh", "b", b), ("tanh", "b", b), ("erf", "b", b),
+    )}
+    values |= {"atan2(b, a)": math.atan2(b, a), "sign(b)": -1, "abs(b)": -b, "min(a, b)": b, "max(a, b)": a, "clip(c, b, a)": a, "clip(b, -c, c)": b}
+    values |= {"relay(b, 2, 3)": 3, "relay(a, 2, 3)": 2, "dead_zone(c, a)": c - a, "dead_zone(b, c)": 0, "where(a > b, 2, 3)": 2, "where(a < b, 2, 3)": 3}
+    values |= {"where(a >= b and not b > c, 2, 3)": 2, "where(a < b or b <= c, 2, 3)": 2, "where(not (a < b or b < c), 2, 3)": 3}
+    return values | {"a + b*c": a + b * c, "a - b/c": a - b / c, "-c^2": -(c**2), "c^b^3": c ** (b**3), "2^-c": 2**-c, "(a - b)*-c": (a - b) * -c, "pi - t*0": math.pi}
+
+
 def native() -> dict[str, Any]:
     """The same problems by the library that Python has: switching times and costs, by the names of the examples."""
     import switchback_control as swb
@@ -228,7 +254,8 @@ def look(browser: Browser, address: str, folder: Path) -> list[str]:
         if drawn < 1:
             wrong.append(f"{name} has no picture")
         browser.picture(folder / f"playground-{name.lower().replace(' ', '-')}.png")
-    wrong += compared(found, native())
+    known = native()
+    wrong += compared(found, known)
     for text, words in (
         ("states q\nq' = q +\nsimulate 1", "line 2, column 9"),
         ("states q\nq' = w\nsimulate 1", 'there is no "w"'),
@@ -236,11 +263,25 @@ def look(browser: Browser, address: str, folder: Path) -> list[str]:
         ("states q\nq' = q > 1\nsimulate 1", "a number is needed"),
         ("states q\nq' = 1\noption nonsense = 1\nsimulate 1", "nonsense"),
         ("states q = 1\nq' = q^2\nsimulate 2", "step too small"),
+        ("states q\nq' = 1\nq <= 1\nsimulate 1", "line 3, column 1"),
     ):
         shown = browser.run(f"text({json.dumps(text)})")["shown"]
         if words not in shown:
             wrong.append(f"{text!r} shows {shown!r} and not {words!r}")
     browser.picture(folder / "playground-mistake.png")
+    cases = operations()
+    names = [f"y{k}" for k in range(len(cases))]
+    states = [*(f"{name} = {value}" for name, value in zip("abc", OPERANDS)), *names]
+    lines = [f"states {', '.join(states)}", *(f"{name}' = 0" for name in "abc"), *(f"{name}' = {e}" for name, e in zip(names, cases)), "simulate 1"]
+    answer = browser.run(f"text({json.dumps(chr(10).join(lines))})")
+    reached = answer["simulation"]["x_end"][3:] if answer.get("simulation") else []
+    # steps that add up to 1 and weights that do, rounded each
+    wrong += [f"{e} is {got!r} and not {value!r}" for (e, value), got in zip(cases.items(), reached) if not abs(got - value) <= 1e-13 * max(1.0, abs(value))]
+    if len(reached) != len(cases):
+        wrong.append(f"the functions of the language: {answer['shown']}")
+    cost, switch, mistake = browser.run(CALLS)
+    if not (abs(cost - known["Best force on the belt"]) <= 1e-9 * cost and abs(switch - 0.4) <= 1e-12 and mistake == ["SourceError", 2, 7]):
+        wrong.append(f"calls give {cost}, {switch}, {mistake}")
     stopped = browser.run(f"""(async () => {{
         part("textarea").value = {json.dumps(LONG)};
         const answer = pressed();

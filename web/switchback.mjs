@@ -1,5 +1,5 @@
 // Switchback by WebAssembly: models as text, event-driven simulation, optimal control. Runs in browsers, in workers and under node.
-import { constant, parse, SourceError } from "./language.mjs";
+import { constant, parse, parseExpression, SourceError } from "./language.mjs";
 import { ENUMS, RECORDS, SIGNATURES } from "./interface.mjs";
 
 const OPERATORS = ENUMS.swb_operator;
@@ -368,21 +368,22 @@ export class Switchback {
    * Solve an optimal control problem of a model, from the values of its states on.
    *
    * horizon, stages, time   of the controls, which are constant in each stage; `time`: bounds of a free horizon, or null
-   * rate, final             costs along the horizon and at its end, expressions or null
-   * bounds                  [{of, lower, upper}] of states and controls
-   * terminal                [{of, lower, upper}] constraints at the end
+   * rate, final             costs along the horizon and at its end: texts or expressions of `parseExpression`, or null
+   * bounds                  of states and controls: {F: [-3, 3]}, or as `parse` gives them, [{of, lower, upper}]
+   * terminal                constraints at the end in the same form; a number is both bounds
    *
    * The answer has outcome, success, cost, verdict, reason, message, controls (a row for each stage) from `control_times` on, t, x,
    * switches, jumps and sliding as those of `simulate`, and accuracy, {reached, worst} against a simulation of the controls, or null.
    */
   solveOcp(model, { horizon, stages, time = null, rate = null, final = null, bounds = [], terminal = [] }, { points = 600, options = [] } = {}) {
     const clock = performance.now();
+    [bounds, terminal] = [limits(bounds), limits(terminal)];
     return this.scoped((s) => {
       const { e, system, report } = this.build(s, model);
       const [nx, nu, np] = [model.states.length, model.controls.length, model.parameters.length];
       const ocp = s.object("swb_ocp_free", "swb_ocp_create", system, horizon, stages, this.settings(s, options));
-      if (rate) s.call("swb_ocp_set_lagrange", ocp, e.function("rate", [rate]));
-      if (final) s.call("swb_ocp_set_mayer", ocp, e.function("final", [final]));
+      if (rate) s.call("swb_ocp_set_lagrange", ocp, e.function("rate", [expression(rate)]));
+      if (final) s.call("swb_ocp_set_mayer", ocp, e.function("final", [expression(final)]));
       s.call("swb_ocp_set_initial_state", ocp, s.doubles(model.states.map((v) => v.value)), nx);
       if (np) s.call("swb_ocp_set_params", ocp, s.doubles(model.parameters.map((v) => v.value)), np);
       if (terminal.length) {
@@ -483,6 +484,9 @@ export class Switchback {
     if (!task.states.length) throw new SourceError("there are no states: write states q = 0", { line: 1, column: 1 });
     if (task.simulate === null && task.solve === null)
       throw new SourceError("there is nothing to do: write simulate 10, or solve 2 in 10 stages", { line: text.split("\n").length, column: 1 });
+    const idle = [...task.bounds, ...task.terminal, task.rate, task.final].find((part) => part);
+    if (task.solve === null && idle)
+      throw new SourceError("bounds, costs and constraints belong to optimal control: write solve 2 in 10 stages", idle.at ?? idle.of.at);
     const given = { ...settings, options: task.options };
     return {
       simulation: task.simulate === null ? null : this.simulate(task, task.simulate, given),
@@ -506,6 +510,16 @@ export function Model({ states, controls = [], parameters = [] }, equations) {
       ? new SourceError(error.message.replace(/^line .*?: /, ""), { line: error.line - 3, column: error.column })
       : error;
   }
+}
+
+function expression(given) { return typeof given === "string" ? parseExpression(given) : given; }
+
+function limits(given) {
+  if (Array.isArray(given)) return given;
+  return Object.entries(given).map(([of, range]) => {
+    const [lower, upper] = Array.isArray(range) ? range : [range, range];
+    return { of: parseExpression(of), lower, upper };
+  });
 }
 
 function active(flags) { return flags.flatMap((on, mode) => (on ? [mode] : [])); }
