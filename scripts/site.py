@@ -170,7 +170,6 @@ def with_playground(texts: dict[str, str], built: bool) -> dict[str, str]:
     first = re.sub(r"^(?=## A first program$)", lambda _: f"## Try it\n\n{place}\n[What can be written](playground.md)\n\n", texts["index.md"], count=1, flags=re.M)
     if built:
         return texts | {"playground.md": page + PLAYGROUND, "index.md": first + PLAYGROUND}
-    print("left out: the playground of the pages")
     return texts | {"playground.md": page.replace(place, f"{LEFT_OUT}\n")}
 
 

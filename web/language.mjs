@@ -18,7 +18,7 @@ export const FUNCTIONS = {
 };
 
 const BINARY = { "+": "ADD", "-": "SUB", "*": "MUL", "/": "DIV", "^": "POW" };
-const WORDS = ["states", "controls", "parameters", "simulate", "solve", "minimise", "at", "when", "option", "and", "or", "not", "t", "pi"];
+const WORDS = ["states", "controls", "parameters", "simulate", "solve", "minimise", "minimize", "at", "when", "option", "and", "or", "not", "t", "pi"];
 const TOKEN = /\s+|#.*|(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|([A-Za-z_]\w*)|(<=|>=|\*\*|[-+*/^()<>=,:'])/y;
 
 function tokens(text, line) {
@@ -264,7 +264,7 @@ export function parse(text) {
       const count = number(stages, "how many stages");
       if (!Number.isInteger(count) || count < 1) throw new SourceError("stages are counted: 1 or more", stages.at);
       found.solve = { horizon, stages: count, time };
-    } else if (word === "minimise") {
+    } else if (word === "minimise" || word === "minimize") {
       r.place++;
       const key = r.take("at") ? (r.need("end"), "final") : "rate";
       once(key, first);
