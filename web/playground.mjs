@@ -2,6 +2,8 @@
 import { EXAMPLES } from "./examples.mjs";
 import { picture } from "./picture.mjs";
 
+// As many switches can be told apart in a picture and are in the table.
+const MOST = 500;
 const KINDS = { cross: "crosses", enter: "begins to slide", leave: "slides no more", spontaneous: "leaves, though it could stay" };
 
 const VERDICTS = { local_optimum: "a local optimum", kink: "a local optimum at a kink", not_optimal: "not optimal", unknown: "not known whether optimal" };
@@ -60,14 +62,16 @@ function table(found) {
   ].sort((a, b) => a.t - b.t);
   if (!rows.length) return make("p", { textContent: "No switches." });
   const body = make("tbody");
-  for (const { t, what, how } of rows) body.append(make("tr", {}, ...[String(t), what, how].map((textContent) => make("td", { textContent }))));
+  for (const { t, what, how } of rows.slice(0, MOST)) body.append(make("tr", {}, ...[String(t), what, how].map((textContent) => make("td", { textContent }))));
   const head = make("thead", {}, make("tr", {}, ...["t", "what", "how"].map((textContent) => make("th", { textContent }))));
   const made = make("table", { className: "swb-switches" }, head, body);
   // long tables are folded
-  return rows.length <= 12 ? made : make("details", {}, make("summary", { textContent: `${rows.length} switches` }), made);
+  const many = rows.length > MOST ? `${rows.length} switches, too many to be marked in the picture: the first ${MOST}` : `${rows.length} switches`;
+  return rows.length <= 12 ? made : make("details", {}, make("summary", { textContent: many }), made);
 }
 
 function marks(found) {
+  if (found.switches.length + found.jumps.length > MOST) return [];
   return [
     ...found.switches.map((s) => ({ t: s.t, text: `${KINDS[s.kind]} at ${s.t}` })),
     ...found.jumps.map((j) => ({ t: j.t, jump: true, text: `${changes(j, found.names)} at ${j.t}` })),

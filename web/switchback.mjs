@@ -18,17 +18,17 @@ export class SwitchbackError extends Error {
 /** The little of WASI that a library without files needs: a clock, random numbers, and text for the console. */
 function system(module, instance) {
   const view = () => new DataView(instance().exports.memory.buffer);
-  const bytes = (at, n) => new Uint8Array(instance().exports.memory.buffer, at, n);
+  const bytes = (at, n) => new Uint8Array(instance().exports.memory.buffer, at >>> 0, n);
   const lines = { 1: "", 2: "" };
   const [SUCCESS, BAD_FILE, NOT_THERE] = [0, 8, 52];
   const calls = {
     clock_time_get(which, _, out) {
       const milliseconds = which === 0 ? Date.now() : performance.now();
-      view().setBigUint64(out, BigInt(Math.round(milliseconds * 1e6)), true);
+      view().setBigUint64(out >>> 0, BigInt(Math.round(milliseconds * 1e6)), true);
       return SUCCESS;
     },
     clock_res_get(_, out) {
-      view().setBigUint64(out, 1000n, true);
+      view().setBigUint64(out >>> 0, 1000n, true);
       return SUCCESS;
     },
     random_get(at, n) {
@@ -40,20 +40,20 @@ function system(module, instance) {
       if (!(file in lines)) return BAD_FILE;
       let total = 0;
       for (let k = 0; k < n; k++) {
-        const [at, length] = [0, 4].map((o) => view().getUint32(pieces + 8 * k + o, true));
+        const [at, length] = [0, 4].map((o) => view().getUint32((pieces >>> 0) + 8 * k + o, true));
         lines[file] += new TextDecoder().decode(bytes(at, length).slice());
         total += length;
       }
       const whole = lines[file].split("\n");
       lines[file] = whole.pop();
       for (const line of whole) (file === 1 ? console.log : console.error)(line);
-      view().setUint32(out, total, true);
+      view().setUint32(out >>> 0, total, true);
       return SUCCESS;
     },
     fd_prestat_get: () => BAD_FILE,
     environ_sizes_get(count, size) {
-      view().setUint32(count, 0, true);
-      view().setUint32(size, 0, true);
+      view().setUint32(count >>> 0, 0, true);
+      view().setUint32(size >>> 0, 0, true);
       return SUCCESS;
     },
     environ_get: () => SUCCESS,
@@ -72,7 +72,8 @@ class Scope {
     this.undo = [];
   }
   space(size) {
-    const at = this.library.exports.malloc(Math.max(size, 8));
+    // addresses from 2 GB on come as negative numbers
+    const at = this.library.exports.malloc(Math.max(size, 8)) >>> 0;
     if (!at) throw new SwitchbackError("there is no memory left", null);
     this.undo.push(() => this.library.exports.free(at));
     return at;
@@ -197,7 +198,7 @@ export class Switchback {
   get version() { return this.string(this.call("swb_version")); }
 
   string(at) {
-    const bytes = new Uint8Array(this.memory, at);
+    const bytes = new Uint8Array(this.memory, at >>> 0);
     return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0)));
   }
 
@@ -342,9 +343,10 @@ export class Switchback {
       });
       const made = s.records("swb_jump", info.n_jumps, (at, size) => s.call("swb_run_jumps", run, at, info.n_jumps, size));
       const jumps = made.map((j, i) => jump(j, nx, (before, after) => s.call("swb_run_jump_states", run, i, before, after, nx), s));
-      const n = info.n_pieces > 0 ? info.n_pieces + 1 : 0;
+      // where steps are shorter than distances in a picture, their ends do not matter
+      const n = info.n_pieces > 0 && info.n_pieces < 20 * points ? info.n_pieces + 1 : 0;
       const steps = s.read(Float64Array, n, (at) => s.call("swb_run_times", run, at, n));
-      const times = grid(steps, info.t_start, info.t_end, points);
+      const times = info.n_pieces > 0 ? grid(steps, info.t_start, info.t_end, points) : [];
       const at = s.doubles(times);
       const rows = times.length ? s.read(Float64Array, times.length * nx, (to) => s.call("swb_run_evaluate", run, at, times.length, 0, to, times.length * nx)) : [];
       const steady = modes.map((n, k) => active(s.read(Int32Array, n, (to) => s.call("swb_integrator_get_active", integrator, k, to, n))));
@@ -455,7 +457,7 @@ export class Switchback {
     const [info] = s.records("swb_trajectory_info", 1, (at, size) => s.call("swb_trajectory_get_info", trajectory, at, size));
     const n = info.n_elements ? info.n_elements + 1 : 0;
     const ends = s.read(Float64Array, n, (at) => s.call("swb_trajectory_times", trajectory, at, n));
-    const times = grid(ends, info.t_start, info.t_end, points);
+    const times = n ? grid(ends, info.t_start, info.t_end, points) : [];
     const at = s.doubles(times);
     const rows = n ? s.read(Float64Array, times.length * nx, (to) => s.call("swb_trajectory_state_at", trajectory, at, times.length, to, times.length * nx)) : [];
     const modes = s.read(BigInt64Array, info.n_subsystems, (to) => s.call("swb_trajectory_modes", trajectory, to, info.n_subsystems));
@@ -540,7 +542,6 @@ function rowsOf(values, n) {
 
 /** Times for a picture: an even grid, and where steps end, so that corners are corners. */
 function grid(steps, start, end, points) {
-  if (!steps.length) return [];
   const even = Array.from({ length: points + 1 }, (_, i) => start + ((end - start) * i) / points);
   return [...new Set([...even, ...steps].filter((t) => t >= start && t <= end))].sort((a, b) => a - b);
 }

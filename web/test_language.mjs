@@ -1,5 +1,6 @@
 // usage: node web/test_language.mjs    the language of the playground: what texts mean, and where their mistakes are
 import assert from "node:assert/strict";
+import { EXAMPLES } from "./examples.mjs";
 import { constant, parse, parseExpression, SourceError } from "./language.mjs";
 
 const value = (text) => constant(parseExpression(text));
@@ -78,4 +79,24 @@ for (const [text, line, column, words] of [
     return true;
   });
 }
+// texts with characters and words lost, doubled or replaced: understood, or a mistake with a place inside of the text
+const words = ["states", "q", "'", "=", "1", "+", "(", ")", "solve", "in", "stages", "<=", "at", "end", ",", ":", "when", "\n", " ", "hysteresis", "not", "-", "^"];
+const sources = Object.values(EXAMPLES);
+let understood = 0;
+for (let i = 0; i < 3000; i++) {
+  let text = sources[draw(sources.length)];
+  for (let k = 0; k <= draw(3); k++) {
+    const at = draw(text.length);
+    text = text.slice(0, at) + (draw(2) ? words[draw(words.length)] : "") + text.slice(at + draw(3));
+  }
+  try {
+    parse(text);
+    understood++;
+  } catch (error) {
+    const lines = text.split("\n");
+    assert.ok(error instanceof SourceError, `${error.stack}\n${text}`);
+    assert.ok(error.column >= 1 && error.column <= lines[error.line - 1].length + 1, `${error.message}\n${text}`);
+  }
+}
+assert.ok(understood > 100 && understood < 2900, `${understood} of 3000 texts are understood`);
 console.log("the language of the playground: all as expected");
