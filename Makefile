@@ -79,8 +79,10 @@ clean:
 
 # --- the gallery ----------------------------------------------------------------------------------
 
+# Of a library without link-time optimisation, which is there sooner.
+demo: PROFILE = tests
 demo: deps build
-	$(MAKE) wheel
+	$(MAKE) PROFILE=$(PROFILE) wheel
 	MPLBACKEND=Agg $(VENV)/bin/python scripts/demo.py $(OUT)
 
 examples: deps build
