@@ -10,13 +10,7 @@ mkdir -p "$build"
 
 say() { echo "deps: $*"; }
 
-if [ "$(id -u)" = 0 ]; then
-    root=""
-elif command -v sudo > /dev/null && sudo -n true 2> /dev/null; then
-    root="sudo"
-else
-    root="none"
-fi
+. "$(dirname "$0")/root.sh"
 
 have_header() { echo "#include <$1>" | cc -E -x c - > /dev/null 2>&1; }
 have_program() { command -v "$1" > /dev/null; }

@@ -7,13 +7,7 @@ build=$1
 
 say() { echo "site: $*"; }
 
-if [ "$(id -u)" = 0 ]; then
-    root=""
-elif command -v sudo > /dev/null && sudo -n true 2> /dev/null; then
-    root="sudo"
-else
-    root="none"
-fi
+. "$(dirname "$0")/root.sh"
 
 packages=""
 command -v doxygen > /dev/null || packages="$packages doxygen"
