@@ -5,7 +5,7 @@
 //! for a single right-hand side plain loops over the columns of a block beat general routines. No threads.
 
 use super::ordering::{Ordering, Permuted};
-use super::{check_upper, Factorisation, Inertia, LdlStats, SymmetricSolver};
+use super::{check_upper, judge, take_over, Factorisation, Inertia, LdlStats, SymmetricSolver};
 use crate::error::{Error, Result};
 use crate::linalg::csc::Pattern;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -225,14 +225,7 @@ impl SymmetricSolver for Faer {
             self.factored = true;
             return Factorisation::Ok(Inertia::default());
         };
-        let mut finite = true;
-        for (a, &k) in plan.values.iter_mut().zip(&plan.src) {
-            let v = values[k as usize];
-            finite &= v.is_finite();
-            *a = v;
-        }
-        if !finite {
-            let bad = plan.values.iter().position(|v| !v.is_finite()).unwrap_or(0);
+        if let Some(bad) = take_over(values, &plan.src, &mut plan.values) {
             let col = plan.a.col_ptr().partition_point(|&p| p as usize <= bad) - 1;
             return Factorisation::Singular { pivot: self.order[col] };
         }
@@ -281,18 +274,11 @@ impl SymmetricSolver for Faer {
         if self.form == Form::Pivoted {
             eigenvalues(&mut self.d, &self.subdiag);
         }
-        let mut inertia = Inertia::default();
-        let (mut lo, mut hi) = (f64::INFINITY, 0.0_f64);
-        for (k, &d) in self.d.iter().enumerate() {
-            if d == 0.0 || !d.is_finite() {
-                return Factorisation::Singular { pivot: self.pivot_order[k] };
-            }
-            inertia.positive += usize::from(d > 0.0);
-            lo = lo.min(d.abs());
-            hi = hi.max(d.abs());
-        }
-        inertia.negative = self.n - inertia.positive;
-        (self.min_abs, self.max_abs) = (lo, hi);
+        let (inertia, range) = match judge(&self.d) {
+            Ok(found) => found,
+            Err(k) => return Factorisation::Singular { pivot: self.pivot_order[k] },
+        };
+        [self.min_abs, self.max_abs] = range;
         self.factored = true;
         Factorisation::Ok(inertia)
     }

@@ -89,6 +89,44 @@ pub struct LdlStats {
     pub max_abs_pivot: f64,
 }
 
+/// Puts the values `src` of the matrix in the order of elimination. The place of the first that is not finite, if there is one.
+fn take_over(values: &[f64], src: &[u32], to: &mut [f64]) -> Option<usize> {
+    let mut finite = true;
+    for (a, &k) in to.iter_mut().zip(src) {
+        let v = values[k as usize];
+        finite &= v.is_finite();
+        *a = v;
+    }
+    if finite {
+        None
+    } else {
+        to.iter().position(|v| !v.is_finite())
+    }
+}
+
+/// Inertia of a matrix with these pivots, and the smallest and the largest absolute one, 0 without any. The place of the first pivot that is
+/// zero or not finite is an error.
+fn judge(pivots: &[f64]) -> std::result::Result<(Inertia, [f64; 2]), usize> {
+    let mut positive = 0;
+    // Without the sign, the bits of floats order like the floats, NaN last.
+    let (mut lo, mut hi) = (u64::MAX, 0);
+    for &d in pivots {
+        positive += usize::from(d > 0.0);
+        let bits = d.abs().to_bits();
+        lo = lo.min(bits);
+        hi = hi.max(bits);
+    }
+    let inertia = Inertia { positive, negative: pivots.len() - positive, zero: 0 };
+    if pivots.is_empty() {
+        return Ok((inertia, [0.0; 2]));
+    }
+    let range = [lo, hi].map(f64::from_bits);
+    if range[0] == 0.0 || !range[1].is_finite() {
+        return Err(pivots.iter().position(|d| *d == 0.0 || !d.is_finite()).unwrap_or(0));
+    }
+    Ok((inertia, range))
+}
+
 /// A direct solver for symmetric indefinite systems; the protocol is in the module documentation.
 pub trait SymmetricSolver: Send {
     /// Name of the backend, for logs.

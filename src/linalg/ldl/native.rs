@@ -7,7 +7,7 @@
 //! one comes after those it depends on.
 
 use super::ordering::{Ordering, Permuted};
-use super::{check_upper, Factorisation, Inertia, LdlStats, SymmetricSolver};
+use super::{check_upper, judge, take_over, Factorisation, LdlStats, SymmetricSolver};
 use crate::error::{Error, Result};
 use crate::linalg::csc::Pattern;
 use crate::memory;
@@ -232,14 +232,7 @@ impl SymmetricSolver for Native {
         assert_eq!(values.len(), self.nnz_a, "native: one value per entry of the analysed pattern");
         self.factored = false;
         (self.min_abs, self.max_abs) = (0.0, 0.0);
-        let mut finite = true;
-        for (a, &k) in self.a_val.iter_mut().zip(&self.src) {
-            let v = values[k as usize];
-            finite &= v.is_finite();
-            *a = v;
-        }
-        if !finite {
-            let bad = self.a_val.iter().position(|v| !v.is_finite()).unwrap_or(0);
+        if let Some(bad) = take_over(values, &self.src, &mut self.a_val) {
             let col = self.a_ptr.partition_point(|&p| p as usize <= bad) - 1;
             return Factorisation::Singular { pivot: self.perm[col] };
         }
@@ -248,20 +241,11 @@ impl SymmetricSolver for Native {
         if let Some(k) = self.numeric() {
             return Factorisation::Singular { pivot: self.perm[k] };
         }
-        let mut inertia = Inertia::default();
-        let (mut lo, mut hi) = (f64::INFINITY, 0.0_f64);
-        for (k, &d) in self.d.iter().enumerate() {
-            if !d.is_finite() {
-                return Factorisation::Singular { pivot: self.perm[k] };
-            }
-            inertia.positive += usize::from(d > 0.0);
-            lo = lo.min(d.abs());
-            hi = hi.max(d.abs());
-        }
-        inertia.negative = self.n - inertia.positive;
-        if self.n > 0 {
-            (self.min_abs, self.max_abs) = (lo, hi);
-        }
+        let (inertia, range) = match judge(&self.d) {
+            Ok(found) => found,
+            Err(k) => return Factorisation::Singular { pivot: self.perm[k] },
+        };
+        [self.min_abs, self.max_abs] = range;
         self.factored = true;
         Factorisation::Ok(inertia)
     }

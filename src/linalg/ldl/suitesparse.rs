@@ -9,7 +9,7 @@
 #![allow(unsafe_code)]
 
 use super::ordering::{Ordering, Permuted};
-use super::{check_upper, Factorisation, Inertia, LdlStats, SymmetricSolver};
+use super::{check_upper, judge, take_over, Factorisation, LdlStats, SymmetricSolver};
 use crate::error::{Error, Result};
 use crate::linalg::csc::Pattern;
 use crate::memory;
@@ -202,14 +202,7 @@ impl SymmetricSolver for SuiteSparse {
         assert_eq!(values.len(), self.nnz_a, "suitesparse: one value per entry of the analysed pattern");
         self.factored = false;
         (self.min_abs, self.max_abs) = (0.0, 0.0);
-        let mut finite = true;
-        for (a, &k) in self.ax.iter_mut().zip(&self.src) {
-            let v = values[k as usize];
-            finite &= v.is_finite();
-            *a = v;
-        }
-        if !finite {
-            let bad = self.ax.iter().position(|v| !v.is_finite()).unwrap_or(0);
+        if let Some(bad) = take_over(values, &self.src, &mut self.ax) {
             let col = self.ap.partition_point(|&p| p as usize <= bad) - 1;
             return Factorisation::Singular { pivot: self.perm[col] };
         }
@@ -240,24 +233,11 @@ impl SymmetricSolver for SuiteSparse {
                 return Factorisation::Singular { pivot: self.perm[done as usize] };
             }
         }
-        let mut inertia = Inertia::default();
-        // Without the sign, the bits of floats order like the floats, NaN last.
-        let (mut lo, mut hi) = (u64::MAX, 0);
-        for &d in &self.d {
-            inertia.positive += usize::from(d > 0.0);
-            let bits = d.abs().to_bits();
-            lo = lo.min(bits);
-            hi = hi.max(bits);
-        }
-        let (lo, hi) = (f64::from_bits(lo), f64::from_bits(hi));
-        if !hi.is_finite() {
-            let k = self.d.iter().position(|v| !v.is_finite()).unwrap_or(0);
-            return Factorisation::Singular { pivot: self.perm[k] };
-        }
-        inertia.negative = self.n - inertia.positive;
-        if self.n > 0 {
-            (self.min_abs, self.max_abs) = (lo, hi);
-        }
+        let (inertia, range) = match judge(&self.d) {
+            Ok(found) => found,
+            Err(k) => return Factorisation::Singular { pivot: self.perm[k] },
+        };
+        [self.min_abs, self.max_abs] = range;
         self.factored = true;
         Factorisation::Ok(inertia)
     }
