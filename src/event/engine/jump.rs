@@ -244,16 +244,27 @@ impl Engine {
         for j in &mut self.jumps[start..] {
             j.simultaneous = made > 1;
         }
+        self.differentiate_resets(log, &resets)?;
+        self.log(&before, f64::NAN, None, unique);
+        Ok(())
+    }
+
+    /// Derivatives behind transitions of one time with these resets, whose velocities are that before them and the present one.
+    fn differentiate_resets(&mut self, log: (usize, usize), resets: &[f64]) -> std::result::Result<(), EvalError> {
         if let Some(s) = &mut self.sens {
             s.advance(&self.f, -1.0);
         }
         if let Some(tape) = &mut self.tape {
             let n_c = self.time_row.len() - 1;
-            tape.jump(log, &self.time_row[..n_c], [&self.f_before, &self.f], &resets);
+            tape.jump(log, &self.time_row[..n_c], [&self.f_before, &self.f], resets);
         }
-        self.project_sensitivity()?;
-        self.log(&before, f64::NAN, None, unique);
-        Ok(())
+        self.project_sensitivity()
+    }
+
+    /// The watch of the guard of a transition on its way to zero, if there is one.
+    fn watch_of(&self, transition: usize) -> Option<usize> {
+        let is_its = |w: &Watch| matches!(*w, Watch::Guard { guard, back: false, .. } if guard == transition);
+        self.watches.iter().position(is_its)
     }
 
     /// Transition `g` happens at a time of its own behind those with these resets, see [`Tape::jump`](crate::event::tape::Tape::jump).
@@ -263,20 +274,12 @@ impl Engine {
         log: (usize, usize),
         resets: &mut Vec<f64>,
     ) -> std::result::Result<(), EvalError> {
-        let of_guard = |w: &Watch| matches!(*w, Watch::Guard { guard, back: false, .. } if guard == g);
-        let Some(l) = self.watches.iter().position(of_guard) else { return Ok(()) };
+        let Some(l) = self.watch_of(g) else { return Ok(()) };
         if self.field.in_limit_set() {
             return Ok(());
         }
-        if let Some(s) = &mut self.sens {
-            s.advance(&self.f, -1.0);
-        }
-        if let Some(tape) = &mut self.tape {
-            let n_c = self.time_row.len() - 1;
-            tape.jump(log, &self.time_row[..n_c], [&self.f_before, &self.f], resets);
-        }
+        self.differentiate_resets(log, resets)?;
         resets.clear();
-        self.project_sensitivity()?;
         self.f_before.copy_from_slice(&self.f);
         self.field.watched(self.t, &self.x)?;
         self.field.watched_gradients(self.t, &self.x)?;
@@ -359,8 +362,7 @@ impl Engine {
 
     /// Does the guard of transition `g`, which has just been made, go on below zero?
     fn goes_on(&mut self, g: usize) -> std::result::Result<bool, EvalError> {
-        let of_guard = |w: &Watch| matches!(*w, Watch::Guard { guard, back: false, .. } if guard == g);
-        let Some(l) = self.watches.iter().position(of_guard) else { return Ok(false) };
+        let Some(l) = self.watch_of(g) else { return Ok(false) };
         match self.level(&self.watches[l]) {
             0.0 => Ok(self.acts(l)?.is_some()),
             level => self.falls_ahead(l, level),
