@@ -127,7 +127,7 @@ impl Ocp {
     }
 }
 
-/// The largest violation of a row so far, and between what its values are.
+/// The largest violation of a row in a stage, and between what its values are.
 #[derive(Clone, Copy)]
 struct Seen {
     violation: f64,
@@ -155,9 +155,9 @@ impl Seen {
 pub(super) struct Watch<'a> {
     path: &'a [Rows<'a>],
     x_bounds: [&'a [f64]; 2],
-    seen: Vec<Seen>,
-    /// The same in the stage that is simulated, and what was found in those before it.
+    /// Of every row, what was seen in the stage that is simulated, between what its values were before it, and what was found there.
     of_stage: Vec<Seen>,
+    ranges: Vec<[f64; 2]>,
     found: Vec<(usize, Seen)>,
     /// Stage that is simulated.
     pub stage: usize,
@@ -176,8 +176,8 @@ impl<'a> Watch<'a> {
         (n_rows > 0 || bounded).then(|| Watch {
             path,
             x_bounds,
-            seen: vec![Seen::NOTHING; n_rows + x_bounds[0].len()],
             of_stage: vec![Seen::NOTHING; n_rows + x_bounds[0].len()],
+            ranges: vec![Seen::NOTHING.range; n_rows + x_bounds[0].len()],
             found: Vec::new(),
             stage: 0,
             values: vec![0.0; path.iter().map(|p| p.f.n_out()).max().unwrap_or(0)],
@@ -204,14 +204,12 @@ impl<'a> Watch<'a> {
             let values = &mut self.values[..c.f.n_out()];
             let known = c.f.value(&at, values, &mut self.work).is_ok();
             for (v, (l, u)) in values.iter().zip(c.lower.iter().zip(c.upper)).filter(|_| known) {
-                self.seen[row].look(*v, [*l, *u], t, self.stage);
                 self.of_stage[row].look(*v, [*l, *u], t, self.stage);
                 row += 1;
             }
             row += if known { 0 } else { c.f.n_out() };
         }
         for (i, (l, u)) in self.x_bounds[0].iter().zip(self.x_bounds[1]).enumerate() {
-            self.seen[row + i].look(x[i], [*l, *u], t, self.stage);
             self.of_stage[row + i].look(x[i], [*l, *u], t, self.stage);
         }
     }
@@ -225,6 +223,8 @@ impl<'a> Watch<'a> {
     fn take_stage(&mut self) {
         for (row, s) in self.of_stage.iter_mut().enumerate() {
             let s = std::mem::replace(s, Seen::NOTHING);
+            let [low, high] = self.ranges[row];
+            self.ranges[row] = [low.min(s.range[0]), high.max(s.range[1])];
             if s.violation > 0.0 {
                 self.found.push((row, s));
             }
@@ -237,7 +237,7 @@ impl<'a> Watch<'a> {
         let path = self.path.iter().enumerate().flat_map(|(k, c)| (0..c.f.n_out()).map(move |r| (Along::Path(k), r)));
         let names: Vec<(Along, usize)> = path.chain((0..self.x_bounds[0].len()).map(|i| (Along::State, i))).collect();
         let between = |&(at, s): &(usize, Seen)| {
-            let ((of, row), [low, high]) = (names[at], self.seen[at].range);
+            let ((of, row), [low, high]) = (names[at], self.ranges[at]);
             let size = (high - low).max(LITTLE * low.abs().max(high.abs()));
             Between { of, row, t: s.t, stage: s.stage, value: s.violation, size }
         };
