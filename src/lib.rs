@@ -60,30 +60,28 @@
 // Descriptions name the parts a module is made of, private ones too; in the pages these are plain text.
 #![allow(rustdoc::private_intra_doc_links)]
 
-#[macro_use]
-#[doc(hidden)]
-pub mod memory;
+/// As in the standard library, but `vec![value; n]` with a large `n` unwinds where memory cannot be had.
+macro_rules! vec {
+    ($value:expr; $n:expr) => { $crate::memory::filled($value, $n) };
+    ($($tokens:tt)*) => { ::std::vec![$($tokens)*] };
+}
 
 // What programs use.
 pub mod document;
-pub mod error;
 pub mod event;
 pub mod expr;
 pub mod freezing;
-pub mod func;
 pub mod model;
-pub mod mpcc;
 pub mod nmpc;
 pub mod ocp;
 pub mod scene;
-pub mod settings;
 pub mod sim;
 pub mod stepping;
 pub mod system;
+pub use switchback_mpcc::{error, func, mpcc, settings};
 
-// What these are made of: open to the tests and benchmarks of this package, not part of the interface of the crate.
-#[doc(hidden)]
-pub mod capi;
+// What these are made of: open to the C interface, and to the tests and benchmarks of this package; not part of the interface
+// of the crate.
 pub(crate) mod contact;
 #[doc(hidden)]
 pub mod dcs;
@@ -92,19 +90,14 @@ pub mod fesd;
 #[doc(hidden)]
 pub mod jumps;
 #[doc(hidden)]
-pub mod linalg;
-#[doc(hidden)]
-pub mod nlp;
-pub(crate) mod parallel;
-#[doc(hidden)]
 pub mod qp;
-pub(crate) mod random;
 #[doc(hidden)]
 pub mod session;
 #[doc(hidden)]
-pub mod stop;
-#[doc(hidden)]
 pub mod tableau;
+#[doc(hidden)]
+pub use switchback_mpcc::{linalg, memory, nlp, stop};
+pub(crate) use switchback_mpcc::{parallel, random};
 
 pub use dcs::Dcs;
 pub use error::{Error, Result};

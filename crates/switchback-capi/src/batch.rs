@@ -8,9 +8,9 @@ use super::settings;
 use super::status::swb_status;
 use super::system::swb_system;
 use super::threads;
-use crate::memory;
-use crate::session::Batch;
-use crate::settings::Settings;
+use switchback::memory;
+use switchback::session::Batch;
+use switchback::settings::Settings;
 
 /// Event-driven simulations of one system from several initial states, with controls and parameters of their own.
 pub struct swb_batch(());

@@ -68,7 +68,7 @@ fn errors() -> String {
 }
 
 fn compare(name: &str, text: &str) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs").join(name);
     if std::env::var_os("SWB_WRITE_DOCS").is_some() {
         std::fs::write(&path, text).unwrap();
     }

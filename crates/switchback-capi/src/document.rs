@@ -8,12 +8,12 @@ use super::ocp::{self, swb_ocp};
 use super::raw;
 use super::simulator::{swb_simulator, Simulation};
 use super::status::swb_status;
-use crate::document::{read, write_model, Document};
-use crate::error::{check_run, Error, Result};
-use crate::expr::Id;
-use crate::memory::sizes;
-use crate::model::SavedModel;
-use crate::system::SharedFunction;
+use switchback::document::{read, write_model, Document};
+use switchback::error::{check_run, Error, Result};
+use switchback::expr::Id;
+use switchback::memory::sizes;
+use switchback::model::SavedModel;
+use switchback::system::SharedFunction;
 use std::ffi::c_char;
 
 unsafe fn supplied(functions: *const *const swb_function, n: i64) -> Result<Vec<SharedFunction>> {

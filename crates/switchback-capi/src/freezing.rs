@@ -7,8 +7,8 @@ use super::raw;
 use super::report::{write_sized, Sized8};
 use super::scene::swb_scene;
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::freezing::{freeze_in, Layout, Options};
+use switchback::error::{Error, Result};
+use switchback::freezing::{freeze_in, Layout, Options};
 use std::ffi::c_char;
 use std::ptr;
 

@@ -1,15 +1,15 @@
-//! User functions: C callbacks with `user_data` as [`crate::func::Function`] objects.
+//! User functions: C callbacks with `user_data` as [`switchback::func::Function`] objects.
 
 use super::guard::guard;
 use super::handle::{self, setting, Object};
 use super::raw;
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::func::trouble::{self, Complaint};
-use crate::func::{check_derivatives, Callback, CheckSettings, Dims, EvalError, EvalResult, Function, Point};
-use crate::linalg::csc::Pattern;
-use crate::memory::{self, sizes, sizes::size};
-use crate::system::SharedFunction;
+use switchback::error::{Error, Result};
+use switchback::func::trouble::{self, Complaint};
+use switchback::func::{check_derivatives, Callback, CheckSettings, Dims, EvalError, EvalResult, Function, Point};
+use switchback::linalg::csc::Pattern;
+use switchback::memory::{self, sizes, sizes::size};
+use switchback::system::SharedFunction;
 use std::ffi::{c_char, c_void};
 use std::ptr;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -312,7 +312,7 @@ impl UserFunction {
             Err(e) => Err(match (troubles.fatal.or(troubles.last), e) {
                 (Some(complaint), _) => complaint.error(),
                 (None, EvalError::Fatal(code)) => Error::User { code, what: format!("function '{}'", self.name) },
-                (None, EvalError::Stopped) => crate::stop::error(),
+                (None, EvalError::Stopped) => switchback::stop::error(),
                 (None, EvalError::Recoverable) => {
                     Error::NonFinite(format!("function '{}' is not defined at the point", self.name))
                 }

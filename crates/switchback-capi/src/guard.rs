@@ -1,10 +1,10 @@
 //! The border itself: no panic leaves, every failure becomes a status and a message of the thread. A lack of memory too, see
-//! [`crate::memory`].
+//! [`switchback::memory`].
 
 use super::raw;
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::memory;
+use switchback::error::{Error, Result};
+use switchback::memory;
 use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::ffi::{c_char, CStr, CString};

@@ -10,8 +10,8 @@ use super::guard::{caught, guard, query, remember, remember_constant};
 use super::raw;
 use super::slots::{Kind, Refusal, Slot, OBJECTS};
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::memory;
+use switchback::error::{Error, Result};
+use switchback::memory;
 use std::cell::{Cell, RefCell, UnsafeCell};
 use std::ptr;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -247,7 +247,7 @@ unsafe fn body_of<'a, O: Object>(slot: &Slot) -> &'a Body<O::Value> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capi::guard::guard;
+    use crate::guard::guard;
 
     struct Counter(());
     impl Object for Counter {

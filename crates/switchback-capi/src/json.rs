@@ -1,6 +1,6 @@
 //! JSON of results on one line, with a blank behind commas and colons.
 
-use crate::error::{Error, Result};
+use switchback::error::{Error, Result};
 use serde::Serialize;
 use serde_json::ser::{Formatter, Serializer};
 use std::io::{self, Write};

@@ -21,7 +21,7 @@
 //! /// Optimal control problem.
 //! pub struct swb_ocp(());
 //! impl Object for swb_ocp {
-//!     type Value = crate::ocp::Ocp;
+//!     type Value = switchback::ocp::Ocp;
 //!     const NAME: &'static str = "swb_ocp";
 //! }
 //!
@@ -79,7 +79,7 @@
 //! - structs that may grow start with `struct_size: u64` and contain 8-byte fields only;
 //! - callbacks are `Option<unsafe extern "C" fn(..., *mut c_void)>`, return 0 ok, > 0 recoverable, < 0
 //!   fatal, and may be called while the object is borrowed: keep no other lock;
-//! - what user functions complain about is in [`crate::func::trouble`]; a solve runs inside [`report::Hooks::run`], which turns it
+//! - what user functions complain about is in [`switchback::func::trouble`]; a solve runs inside [`report::Hooks::run`], which turns it
 //!   into the status of the call;
 //! - write every exported item out: the generator does not expand macros;
 //! - after a change: `make header`, and the new symbols into `capi_tests/abi/symbols.txt`.
@@ -88,6 +88,14 @@
 #![allow(rustdoc::broken_intra_doc_links)]
 // The contract of all pointers is the one above; it is not repeated in a section of every function.
 #![allow(clippy::missing_safety_doc)]
+#![warn(missing_docs)]
+#![allow(clippy::needless_range_loop)]
+
+/// As in the standard library, but `vec![value; n]` with a large `n` unwinds where memory cannot be had.
+macro_rules! vec {
+    ($value:expr; $n:expr) => { switchback::memory::filled($value, $n) };
+    ($($tokens:tt)*) => { ::std::vec![$($tokens)*] };
+}
 
 pub mod guard;
 pub mod handle;

@@ -7,9 +7,9 @@ use super::guard::guard;
 use super::raw;
 use super::settings;
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::session::Lines;
-use crate::settings::{LogLevel, Settings, OPTIONS};
+use switchback::error::{Error, Result};
+use switchback::session::Lines;
+use switchback::settings::{LogLevel, Settings, OPTIONS};
 use std::ffi::{c_char, c_void};
 use std::sync::Arc;
 

@@ -8,11 +8,11 @@ use super::handle::{self, setting};
 use super::raw;
 use super::status::swb_status;
 use super::transition::{direction_of, values_of};
-use crate::error::{Error, Result};
-use crate::expr::Id;
-use crate::memory::sizes::size;
-use crate::model::{Built, Transition};
-use crate::system::Direction;
+use switchback::error::{Error, Result};
+use switchback::expr::Id;
+use switchback::memory::sizes::size;
+use switchback::model::{Built, Transition};
+use switchback::system::Direction;
 
 /// Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
 /// transitions change them. Reports name them and documents keep the values; simulations start where they are told to. Names of

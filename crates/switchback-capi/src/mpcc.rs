@@ -11,16 +11,16 @@ use super::report::{
 };
 use super::settings;
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::func::{trouble, EvalError, Point};
-use crate::linalg::csc::Pattern;
-use crate::linalg::kkt::LinearStats;
-use crate::memory::{self, sizes};
-use crate::mpcc::diagnostics::{self, Item};
-use crate::mpcc::{Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver, NoProposals, Solution, Warm};
-use crate::nlp::{Bounds, CallbackNlp, LagrangianFn, Nlp, Outcome, Residuals};
-use crate::settings::{LogLevel, Settings, Value};
-use crate::system::SharedFunction;
+use switchback::error::{Error, Result};
+use switchback::func::{trouble, EvalError, Point};
+use switchback::linalg::csc::Pattern;
+use switchback::linalg::kkt::LinearStats;
+use switchback::memory::{self, sizes};
+use switchback::mpcc::diagnostics::{self, Item};
+use switchback::mpcc::{Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver, NoProposals, Solution, Warm};
+use switchback::nlp::{Bounds, CallbackNlp, LagrangianFn, Nlp, Outcome, Residuals};
+use switchback::settings::{LogLevel, Settings, Value};
+use switchback::system::SharedFunction;
 use std::ffi::{c_char, c_void};
 use std::ptr;
 use std::sync::Arc;
@@ -553,7 +553,7 @@ type RawLagrangian = unsafe extern "C" fn(*const swb_point, f64, *const f64, *mu
 fn lagrangian(
     caller: function::Caller,
     f: RawLagrangian,
-) -> impl Fn(&Point, f64, &[f64], &mut [f64]) -> crate::func::EvalResult {
+) -> impl Fn(&Point, f64, &[f64], &mut [f64]) -> switchback::func::EvalResult {
     move |at, weight, y, out| {
         let y = if y.is_empty() { ptr::null() } else { y.as_ptr() };
         // SAFETY: the function obeys the contract of its type, the pointers have the lengths the header promises.
@@ -626,7 +626,7 @@ pub unsafe extern "C" fn swb_mpcc_set_params(mpcc: *mut swb_mpcc, values: *const
     setting(mpcc, || unsafe {
         let values = raw::slice(values, np, "values")?;
         handle::with_mut(mpcc, |p| {
-            crate::error::finite("parameter", values, p.params.len())?;
+            switchback::error::finite("parameter", values, p.params.len())?;
             p.params.copy_from_slice(values);
             Ok(())
         })
@@ -642,7 +642,7 @@ pub unsafe extern "C" fn swb_mpcc_set_start(mpcc: *mut swb_mpcc, w: *const f64, 
     setting(mpcc, || unsafe {
         let w = raw::slice(w, n, "w")?;
         handle::with_mut(mpcc, |p| {
-            crate::error::finite("start", w, p.n)?;
+            switchback::error::finite("start", w, p.n)?;
             p.start.copy_from_slice(w);
             p.warm = None;
             Ok(())
@@ -675,9 +675,9 @@ pub unsafe extern "C" fn swb_mpcc_set_warm_start(
                 if values.is_empty() {
                     return Ok(vec![0.0; len]);
                 }
-                crate::error::finite(what, values, len).map(|()| values.to_vec())
+                switchback::error::finite(what, values, len).map(|()| values.to_vec())
             };
-            crate::error::finite("start", w, p.n)?;
+            switchback::error::finite("start", w, p.n)?;
             let (y, z) = (optional(y, p.m, "y")?, optional(z, p.n, "z")?);
             p.start.copy_from_slice(w);
             p.warm = Some(WarmStart { x: w.to_vec(), y, z });

@@ -3,9 +3,9 @@
 use super::diagnosis::{polish_name, swb_item, SHOWN};
 use super::json;
 use super::mpcc::Program;
-use crate::error::Result;
-use crate::nlp::Residuals;
-use crate::settings::Settings;
+use switchback::error::Result;
+use switchback::nlp::Residuals;
+use switchback::settings::Settings;
 use serde::ser::{SerializeMap, Serializer};
 use serde::Serialize;
 
@@ -132,7 +132,7 @@ struct LinearAlgebra {
 
 /// All options by name: integers, numbers (infinite ones as text), names of values.
 fn options<S: Serializer>(settings: &&Settings, to: S) -> std::result::Result<S::Ok, S::Error> {
-    use crate::settings::{Kind, Value, OPTIONS};
+    use switchback::settings::{Kind, Value, OPTIONS};
     let mut map = to.serialize_map(Some(OPTIONS.len()))?;
     for o in OPTIONS {
         match (o.kind, o.get(settings)) {

@@ -6,11 +6,11 @@ use super::ocp::{copied, swb_ocp};
 use super::raw;
 use super::report::{check_sized, write_sized, Sized8};
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::nmpc::{Feedback, Level, Monitor, Nmpc, Options, Preparation, QpMethod, Scheme, Worker};
-use crate::session::listening;
-use crate::stop::Stop;
-use crate::tableau::Family;
+use switchback::error::{Error, Result};
+use switchback::nmpc::{Feedback, Level, Monitor, Nmpc, Options, Preparation, QpMethod, Scheme, Worker};
+use switchback::session::listening;
+use switchback::stop::Stop;
+use switchback::tableau::Family;
 use std::mem::size_of;
 use std::ptr;
 use std::sync::atomic::Ordering;
@@ -731,8 +731,8 @@ pub unsafe extern "C" fn swb_nmpc_free(c: *mut swb_nmpc) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nmpc::Source;
-    use crate::qp::QpStatus;
+    use switchback::nmpc::Source;
+    use switchback::qp::QpStatus;
 
     #[test]
     fn numbers_of_the_border_are_those_inside() {

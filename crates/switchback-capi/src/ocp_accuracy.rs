@@ -7,8 +7,8 @@ use super::ocp::swb_ocp;
 use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::ocp::{Accuracy, Along, OcpResult};
+use switchback::error::{Error, Result};
+use switchback::ocp::{Accuracy, Along, OcpResult};
 use std::ffi::c_char;
 
 /// Comparison of an optimal control with a simulation of its controls: by the event-driven engine, or by finite elements of

@@ -5,8 +5,8 @@ use super::handle;
 use super::ocp::swb_ocp;
 use super::raw;
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::ocp::{Multipliers, MultipliersOf};
+use switchback::error::{Error, Result};
+use switchback::ocp::{Multipliers, MultipliersOf};
 
 /// What multipliers belong to. Those of constraints and bounds are positive where an upper bound is active and negative where a
 /// lower one is: raising that bound by d changes the optimal cost by -d times the multiplier, to first order.

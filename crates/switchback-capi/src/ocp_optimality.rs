@@ -6,8 +6,8 @@ use super::ocp::swb_ocp;
 use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::ocp::{Kink, OcpResult, Optimality, Verdict};
+use switchback::error::{Error, Result};
+use switchback::ocp::{Kink, OcpResult, Optimality, Verdict};
 use std::ffi::{c_char, CStr};
 use std::ptr;
 

@@ -8,10 +8,10 @@ use super::run::write_structs;
 use super::scene::{impact_of, swb_impact, swb_scene};
 use super::settings;
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::memory::sizes;
-use crate::ocp::{Contacts, Jumps, Ocp};
-use crate::settings::Settings;
+use switchback::error::{Error, Result};
+use switchback::memory::sizes;
+use switchback::ocp::{Contacts, Jumps, Ocp};
+use switchback::settings::Settings;
 use std::ffi::c_char;
 
 /// How an optimal control problem of a scene finds contact modes and impacts.

@@ -6,10 +6,10 @@ use super::ocp::{change, swb_ocp, Problem};
 use super::raw;
 use super::report::{outcome_number, polished_number};
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::memory::{self, sizes};
-use crate::ocp::{ModeSequence, OcpResult, Round};
-use crate::session::listening;
+use switchback::error::{Error, Result};
+use switchback::memory::{self, sizes};
+use switchback::ocp::{ModeSequence, OcpResult, Round};
+use switchback::session::listening;
 
 fn flags(values: &[i32]) -> Vec<bool> {
     values.iter().map(|v| *v != 0).collect()
@@ -125,7 +125,7 @@ impl Problem {
         found.as_ref().map_err(Clone::clone)
     }
 
-    fn rounds(&self) -> Result<&crate::ocp::Adaptation> {
+    fn rounds(&self) -> Result<&switchback::ocp::Adaptation> {
         self.result()?
             .adaptation
             .as_ref()

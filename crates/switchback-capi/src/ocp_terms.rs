@@ -7,10 +7,10 @@ use super::ocp::{change, swb_ocp};
 use super::raw;
 use super::report::outcome_number;
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::fesd::PathAt;
-use crate::memory::sizes;
-use crate::ocp::{CostAt, Durations, Norm};
+use switchback::error::{Error, Result};
+use switchback::fesd::PathAt;
+use switchback::memory::sizes;
+use switchback::ocp::{CostAt, Durations, Norm};
 
 /// What the optimiser may choose of the lengths of the control stages.
 #[repr(i32)]

@@ -7,8 +7,8 @@ use super::raw;
 use super::report::Sized8;
 use super::run::write_structs;
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::ocp::{JumpMade, OcpResult};
+use switchback::error::{Error, Result};
+use switchback::ocp::{JumpMade, OcpResult};
 
 /// A transition of an optimal control.
 #[repr(C)]

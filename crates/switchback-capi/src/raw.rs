@@ -1,6 +1,6 @@
 //! Pointers of the caller: checked before they are read, written without a reference to them.
 
-use crate::error::{Error, Result};
+use switchback::error::{Error, Result};
 use std::ffi::{c_char, CStr, CString};
 use std::{ptr, slice};
 

@@ -4,13 +4,13 @@ use super::guard::query;
 use super::handle::Interrupt;
 use super::log::{swb_log_fn, LogSink};
 use super::raw;
-use crate::error::{Error, Result};
-use crate::func::trouble;
-use crate::linalg::kkt::LinearStats;
-use crate::mpcc;
-use crate::nlp::{Control, IterationInfo, Outcome, Residuals, Statistics};
-use crate::settings::LogLevel;
-use crate::stop::Stop;
+use switchback::error::{Error, Result};
+use switchback::func::trouble;
+use switchback::linalg::kkt::LinearStats;
+use switchback::mpcc;
+use switchback::nlp::{Control, IterationInfo, Outcome, Residuals, Statistics};
+use switchback::settings::LogLevel;
+use switchback::stop::Stop;
 use std::ffi::{c_char, c_void, CStr};
 use std::mem::size_of;
 use std::ptr;
@@ -276,7 +276,7 @@ unsafe impl Sized8 for swb_residuals {}
 unsafe impl Sized8 for swb_stats {}
 unsafe impl Sized8 for swb_linear_stats {}
 unsafe impl Sized8 for super::diagnosis::swb_certificate {}
-unsafe impl Sized8 for crate::settings::Settings {}
+unsafe impl Sized8 for switchback::settings::Settings {}
 
 /// Check that a struct of that size can be written to `out`: for several outputs, check all before the first is written.
 pub(super) fn check_sized<T: Sized8>(out: *const T, struct_size: u64, what: &str) -> Result<()> {

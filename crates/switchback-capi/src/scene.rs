@@ -8,13 +8,13 @@ use super::report::Sized8;
 use super::run::{need_derivatives, swb_run, write_structs};
 use super::status::swb_status;
 use super::system::swb_system;
-use crate::error::{Error, Result};
-use crate::event::Impact;
-use crate::expr::Id;
-use crate::memory::sizes::size;
-use crate::model::Names;
-use crate::scene::{Built, Contact, Scene};
-use crate::system::ImpactLaw;
+use switchback::error::{Error, Result};
+use switchback::event::Impact;
+use switchback::expr::Id;
+use switchback::memory::sizes::size;
+use switchback::model::Names;
+use switchback::scene::{Built, Contact, Scene};
+use switchback::system::ImpactLaw;
 use std::ffi::c_char;
 
 /// A scene that is being written, and what it became when it was last built.

@@ -8,8 +8,8 @@
 use super::guard::{guard, query};
 use super::raw;
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::settings::{option, Kind, OptionInfo, Settings, Value, OPTIONS};
+use switchback::error::{Error, Result};
+use switchback::settings::{option, Kind, OptionInfo, Settings, Value, OPTIONS};
 use std::ffi::{c_char, CString};
 use std::mem::size_of;
 use std::ptr;

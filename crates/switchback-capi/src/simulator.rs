@@ -9,13 +9,13 @@ use super::settings;
 use super::status::swb_status;
 use super::system::swb_system;
 use super::trajectory::{hand_out, swb_trajectory};
-use crate::document;
-use crate::error::{check_run, Result};
-use crate::memory;
-use crate::nlp::Outcome;
-use crate::settings::{LogLevel, Settings, Value};
-use crate::sim::{SimResult, Simulator};
-use crate::system::System;
+use switchback::document;
+use switchback::error::{check_run, Result};
+use switchback::memory;
+use switchback::nlp::Outcome;
+use switchback::settings::{LogLevel, Settings, Value};
+use switchback::sim::{SimResult, Simulator};
+use switchback::system::System;
 use std::ffi::{c_char, c_void};
 
 /// Simulator of a system: time, state, and the trajectory since the state was set.

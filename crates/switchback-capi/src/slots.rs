@@ -11,7 +11,7 @@
 //! look at its interrupt flag, and the generation. All operations are lock-free, so a child process after `fork` can
 //! go on, and a signal handler can raise an interrupt flag.
 
-use crate::error::{Error, Result};
+use switchback::error::{Error, Result};
 use std::alloc::{alloc_zeroed, dealloc, Layout};
 use std::ptr;
 use std::sync::atomic::{AtomicI64, AtomicPtr, AtomicU32, AtomicU64, Ordering};

@@ -1,7 +1,7 @@
 //! Status codes: one enumeration, one table, the numbers of [`Error::code`].
 
 use super::guard::query;
-use crate::error::Error;
+use switchback::error::Error;
 use std::ffi::{c_char, CStr};
 use std::ptr;
 

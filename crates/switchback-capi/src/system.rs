@@ -5,10 +5,10 @@ use super::guard::guard;
 use super::handle::{self, setting, Object};
 use super::raw;
 use super::status::swb_status;
-use crate::error::{Error, Result};
-use crate::memory::sizes::size;
-use crate::session::listening;
-use crate::system::{Inclusion, Regions, SetValued, Subsystem, System};
+use switchback::error::{Error, Result};
+use switchback::memory::sizes::size;
+use switchback::session::listening;
+use switchback::system::{Inclusion, Regions, SetValued, Subsystem, System};
 
 /// Piecewise smooth system: x' = f0(x,u,p,t) plus, for each subsystem, a convex combination of its modes.
 pub struct swb_system(());

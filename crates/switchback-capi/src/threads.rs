@@ -1,6 +1,6 @@
 //! How many threads a call may work on.
 
-use crate::error::{Error, Result};
+use switchback::error::{Error, Result};
 
 /// `n_threads` of the caller, 0 standing for all processors.
 pub fn number(n_threads: i64) -> Result<usize> {

@@ -8,10 +8,10 @@ use super::report::Sized8;
 use super::run::{need_derivatives, swb_run, write_structs};
 use super::status::swb_status;
 use super::system::swb_system;
-use crate::error::{Error, Result};
-use crate::event::Jump;
-use crate::session::Record;
-use crate::system::{Direction, Transition};
+use switchback::error::{Error, Result};
+use switchback::event::Jump;
+use switchback::session::Record;
+use switchback::system::{Direction, Transition};
 
 /// The direction in which the guard of a transition passes zero.
 #[repr(i32)]

@@ -2,7 +2,7 @@
 
 use super::guard::guard;
 use super::status::swb_status;
-use crate::error::Error;
+use switchback::error::Error;
 use std::ffi::c_char;
 
 /// Number in a version string of cargo, at compile time.

@@ -64,7 +64,7 @@ impl Error {
     }
 
     /// The same error with other words.
-    pub(crate) fn with_text(&self, text: impl FnOnce(&str) -> String) -> Error {
+    pub fn with_text(&self, text: impl FnOnce(&str) -> String) -> Error {
         match self {
             Error::Null(s) => Error::Null(text(s)),
             Error::Dimension(s) => Error::Dimension(text(s)),
@@ -108,7 +108,7 @@ impl fmt::Display for Error {
 impl std::error::Error for Error {}
 
 /// Checks a number that must be positive and finite; `what` it is, for the message.
-pub(crate) fn check_positive(what: &str, value: f64) -> Result<()> {
+pub fn check_positive(what: &str, value: f64) -> Result<()> {
     if value > 0.0 && value.is_finite() {
         return Ok(());
     }
@@ -116,7 +116,7 @@ pub(crate) fn check_positive(what: &str, value: f64) -> Result<()> {
 }
 
 /// Checks how long a run takes and in how many steps it is made.
-pub(crate) fn check_run(duration: f64, n_steps: i64) -> Result<()> {
+pub fn check_run(duration: f64, n_steps: i64) -> Result<()> {
     check_positive("the duration", duration)?;
     if n_steps < 1 {
         return Err(Error::Range(format!("the number of steps is {n_steps}: it must be at least 1")));
@@ -125,7 +125,7 @@ pub(crate) fn check_run(duration: f64, n_steps: i64) -> Result<()> {
 }
 
 /// Checks length and finiteness of input data.
-pub(crate) fn finite(what: &str, v: &[f64], n: usize) -> Result<()> {
+pub fn finite(what: &str, v: &[f64], n: usize) -> Result<()> {
     if v.len() != n {
         return Err(Error::Dimension(format!("{} values given for {what}, expected {n}", v.len())));
     }

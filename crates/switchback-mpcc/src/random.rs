@@ -2,15 +2,15 @@
 
 /// SplitMix64: G. L. Steele, D. Lea, C. H. Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014.
 #[derive(Debug, Clone)]
-pub(crate) struct SplitMix64(u64);
+pub struct SplitMix64(u64);
 
 impl SplitMix64 {
-    pub(crate) fn new(seed: u64) -> SplitMix64 {
+    pub fn new(seed: u64) -> SplitMix64 {
         SplitMix64(seed)
     }
 
     /// The next number in [0, 1).
-    pub(crate) fn share(&mut self) -> f64 {
+    pub fn share(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -20,7 +20,7 @@ impl SplitMix64 {
 
     /// Pairs of numbers for `n` intervals and `width` quantities, `[n · width]`, the same on each of so many pieces of the intervals; 0: as many
     /// pieces as intervals.
-    pub(crate) fn on_pieces(&mut self, n: usize, pieces: usize, width: usize) -> Vec<(f64, f64)> {
+    pub fn on_pieces(&mut self, n: usize, pieces: usize, width: usize) -> Vec<(f64, f64)> {
         let pieces = if pieces == 0 { n } else { pieces.min(n) };
         let drawn: Vec<(f64, f64)> = (0..pieces * width).map(|_| (self.share(), self.share())).collect();
         (0..n).flat_map(|i| &drawn[i * pieces / n * width..][..width]).copied().collect()

@@ -11,7 +11,7 @@ pub mod casadi;
 mod check;
 mod fdiff;
 mod kinked;
-pub(crate) mod trouble;
+pub mod trouble;
 
 pub use callback::Callback;
 pub use check::{check_derivatives, CheckReport, CheckSettings, Mismatch, MismatchKind};
@@ -95,21 +95,24 @@ pub type Lanes = [f64; LANES];
 /// Parts of a [`Bundle`] that are evaluated together, by what they have in common.
 #[derive(Debug, Clone, Default)]
 pub struct PartList {
-    pub(crate) groups: Vec<PartGroup>,
+    /// Groups of parts that do the same.
+    pub groups: Vec<PartGroup>,
     /// The values of parts without inputs stand where they go since the list was evaluated last.
-    pub(crate) constants_known: bool,
+    pub constants_known: bool,
 }
 
 /// Parts that do the same with other inputs and constants.
+#[doc(hidden)]
 #[derive(Debug, Clone, Default)]
-pub(crate) struct PartGroup {
+pub struct PartGroup {
     /// Place among the parts like it, place of the first output, number of the part.
-    pub(crate) parts: Vec<[u32; 3]>,
+    pub parts: Vec<[u32; 3]>,
     /// Where the inputs are, and the constants, of a few parts at a time: one input of all of these after the other.
-    pub(crate) inputs: Vec<u32>,
-    pub(crate) constants: Vec<f64>,
+    pub inputs: Vec<u32>,
+    /// Laid out like the inputs.
+    pub constants: Vec<f64>,
     /// Of every input, and of the results, of as many parts: the first place, where the others follow it.
-    pub(crate) runs: Vec<Option<u32>>,
+    pub runs: Vec<Option<u32>>,
 }
 
 /// A vector function with first and second derivatives.

@@ -15,7 +15,7 @@ const SHOWN: usize = 8;
 
 /// One complaint.
 #[derive(Clone, Debug)]
-pub(crate) struct Complaint {
+pub struct Complaint {
     /// Name of the function.
     pub function: Arc<str>,
     /// Value, Jacobian or Hessian.
@@ -30,7 +30,7 @@ pub(crate) struct Complaint {
 
 /// The complaints of one call.
 #[derive(Default)]
-pub(crate) struct Troubles {
+pub struct Troubles {
     /// A solver is at work, no direct evaluation.
     solving: bool,
     /// The negative code, if there was one.
@@ -46,7 +46,7 @@ thread_local! {
 }
 
 /// Run `body` with a clean slate and return what user functions complained about.
-pub(crate) fn collect<R>(solving: bool, body: impl FnOnce() -> R) -> (R, Troubles) {
+pub fn collect<R>(solving: bool, body: impl FnOnce() -> R) -> (R, Troubles) {
     struct Restore(Option<Troubles>);
     impl Restore {
         fn swap(&mut self) -> Troubles {
@@ -65,7 +65,7 @@ pub(crate) fn collect<R>(solving: bool, body: impl FnOnce() -> R) -> (R, Trouble
 }
 
 /// Write down a complaint; a negative code ends the call.
-pub(crate) fn note(complaint: Complaint) {
+pub fn note(complaint: Complaint) {
     NOW.with(|now| {
         let mut now = now.borrow_mut();
         now.count += 1;
@@ -78,17 +78,17 @@ pub(crate) fn note(complaint: Complaint) {
 }
 
 /// The negative code that ended this call already: no user function is called any more.
-pub(crate) fn fatal() -> Option<i32> {
+pub fn fatal() -> Option<i32> {
     NOW.with(|now| now.borrow().fatal.as_ref().map(|c| c.code))
 }
 
 /// Number of complaints in this call so far: what [`last_after`] compares with.
-pub(crate) fn count() -> usize {
+pub fn count() -> usize {
     NOW.with(|now| now.borrow().count)
 }
 
 /// The last complaint about a function that is not defined, in words, if there was one after the first `count`.
-pub(crate) fn last_after(count: usize) -> Option<String> {
+pub fn last_after(count: usize) -> Option<String> {
     NOW.with(|now| {
         let now = now.borrow();
         now.last.as_ref().filter(|_| now.count > count).map(|c| c.error().to_string())
@@ -97,7 +97,7 @@ pub(crate) fn last_after(count: usize) -> Option<String> {
 
 /// The words for an output that is not finite, and for the point: `bad` is the number of the output and its value,
 /// as far as there is one.
-pub(crate) fn place(at: &Point, bad: Option<(usize, f64)>) -> String {
+pub fn place(at: &Point, bad: Option<(usize, f64)>) -> String {
     let mut s = String::new();
     if let Some((i, v)) = bad {
         let _ = write!(s, " (output {i} is {v})");
@@ -115,7 +115,7 @@ pub(crate) fn place(at: &Point, bad: Option<(usize, f64)>) -> String {
 }
 
 /// Is a solver at work?
-pub(crate) fn solving() -> bool {
+pub fn solving() -> bool {
     NOW.with(|now| now.borrow().solving)
 }
 
@@ -140,7 +140,7 @@ impl Complaint {
 }
 
 /// The error of a call that ended because a function has no value, whatever the function is made of.
-pub(crate) fn undefined(part: &'static str, function: &str) -> Error {
+pub fn undefined(part: &'static str, function: &str) -> Error {
     Complaint { function: function.into(), part, code: 0, place: String::new(), timeless: false }.error()
 }
 

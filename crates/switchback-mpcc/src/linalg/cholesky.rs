@@ -4,7 +4,7 @@
 const PIVOT: f64 = 8.0 * f64::EPSILON;
 
 /// Replaces the lower triangle of a symmetric matrix by its factor; false if it is not positive definite.
-pub(crate) fn factorise(n: usize, a: &mut [f64]) -> bool {
+pub fn factorise(n: usize, a: &mut [f64]) -> bool {
     for j in 0..n {
         let d = (0..j).fold(a[j * n + j], |s, k| s - a[j * n + k] * a[j * n + k]);
         // also where it is no number
@@ -22,7 +22,7 @@ pub(crate) fn factorise(n: usize, a: &mut [f64]) -> bool {
 }
 
 /// Replaces `b` by the solution, with the factor `l` of order `b.len()`.
-pub(crate) fn solve(l: &[f64], b: &mut [f64]) {
+pub fn solve(l: &[f64], b: &mut [f64]) {
     let n = b.len();
     for i in 0..n {
         let s = (0..i).fold(b[i], |s, k| s - l[i * n + k] * b[k]);

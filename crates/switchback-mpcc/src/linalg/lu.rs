@@ -5,9 +5,10 @@ use nalgebra::Complex;
 use std::ops::{Add, Div, Mul, Sub};
 
 /// A field with a size to pivot by.
-pub(crate) trait Scalar:
+pub trait Scalar:
     Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
+    /// Modulus.
     fn size(self) -> f64;
     /// `C -= A B` for `sizes` m, n, k: `m × k` entries of `a` and `m × n` of `c` column-major with their leading dimensions, the `k × n` of
     /// `b` row-major with its own.
@@ -75,13 +76,13 @@ const ROWS: usize = 4;
 const LANES: usize = 8;
 
 /// Numbers that [`Lu::solve_block`] needs for `m` right-hand sides of `n` entries.
-pub(crate) fn block_work(n: usize, m: usize) -> usize {
+pub fn block_work(n: usize, m: usize) -> usize {
     n * m.next_multiple_of(LANES)
 }
 
 /// Factors of a square matrix, row-major, with row pivoting relative to the size of the rows.
 #[derive(Debug, Default)]
-pub(crate) struct Lu<T> {
+pub struct Lu<T> {
     n: usize,
     a: Vec<T>,
     perm: Vec<usize>,
@@ -93,7 +94,7 @@ pub(crate) struct Lu<T> {
 
 impl<T: Scalar> Lu<T> {
     /// With room for matrices up to `n × n`.
-    pub(crate) fn with_capacity(n: usize) -> Lu<T> {
+    pub fn with_capacity(n: usize) -> Lu<T> {
         Lu {
             n: 0,
             a: Vec::with_capacity(n * n),
@@ -105,7 +106,7 @@ impl<T: Scalar> Lu<T> {
     }
 
     /// A zero matrix of order `n` to write to.
-    pub(crate) fn clear(&mut self, n: usize) -> &mut [T] {
+    pub fn clear(&mut self, n: usize) -> &mut [T] {
         self.n = n;
         self.a.clear();
         self.a.resize(n * n, T::default());
@@ -113,23 +114,23 @@ impl<T: Scalar> Lu<T> {
     }
 
     /// The matrix, to write to before it is factorised.
-    pub(crate) fn matrix(&mut self) -> &mut [T] {
+    pub fn matrix(&mut self) -> &mut [T] {
         &mut self.a
     }
 
     /// Adds to an entry, by its place in the row-major matrix.
-    pub(crate) fn add(&mut self, at: usize, v: T) {
+    pub fn add(&mut self, at: usize, v: T) {
         self.a[at] = self.a[at] + v;
     }
 
     /// Factorises what was written; false if the matrix is singular to rounding.
-    pub(crate) fn factorise(&mut self) -> bool {
+    pub fn factorise(&mut self) -> bool {
         self.factorise_sized(|_| 1.0)
     }
 
     /// The same where the unknowns have sizes: pivots are chosen, and the matrix is called singular, as if every unknown
     /// were measured in units of its size.
-    pub(crate) fn factorise_sized(&mut self, unknown: impl Fn(usize) -> f64) -> bool {
+    pub fn factorise_sized(&mut self, unknown: impl Fn(usize) -> f64) -> bool {
         let n = self.n;
         self.perm.clear();
         self.perm.extend(0..n);
@@ -229,7 +230,7 @@ impl<T: Scalar> Lu<T> {
     }
 
     /// Replaces the right-hand side by the solution.
-    pub(crate) fn solve(&mut self, b: &mut [T]) {
+    pub fn solve(&mut self, b: &mut [T]) {
         let n = self.n;
         // the usual orders of contacts and sliding modes, without the loops
         match (&self.a[..], &self.perm[..]) {
@@ -275,7 +276,7 @@ impl<T: Scalar> Lu<T> {
 
 impl Lu<f64> {
     /// Replaces `m` right-hand sides by their solutions: `b` is row-major, `n × m`; `work` has [`block_work`] numbers.
-    pub(crate) fn solve_block(&self, m: usize, b: &mut [f64], work: &mut [f64]) {
+    pub fn solve_block(&self, m: usize, b: &mut [f64], work: &mut [f64]) {
         let (n, ld) = (self.n, m.next_multiple_of(LANES));
         let work = &mut work[..n * ld];
         for (to, &from) in work.chunks_exact_mut(ld).zip(&self.perm) {
@@ -318,7 +319,7 @@ impl Lu<f64> {
     }
 
     /// Replaces the right-hand side by the solution of the transposed system.
-    pub(crate) fn solve_transposed(&mut self, b: &mut [f64]) {
+    pub fn solve_transposed(&mut self, b: &mut [f64]) {
         let n = self.n;
         self.y.clear();
         self.y.extend_from_slice(&b[..n]);

@@ -4,11 +4,11 @@
 //! backends; `kkt` adds equilibration, regularisation, inertia and iterative refinement; `lu` and `cholesky` factorise
 //! small dense matrices, `dense` has products and factors for larger ones. This layer does not know optimisation.
 
-pub(crate) mod cholesky;
+pub mod cholesky;
 pub mod csc;
-pub(crate) mod dense;
+pub mod dense;
 pub mod kkt;
 mod krylov;
 pub mod ldl;
-pub(crate) mod lu;
-pub(crate) mod sparse_lu;
+pub mod lu;
+pub mod sparse_lu;

@@ -46,7 +46,7 @@ impl<T: Scalar> Columns<T> {
 
 /// Factors of a square matrix with a fixed pattern.
 #[derive(Debug)]
-pub(crate) struct SparseLu<T> {
+pub struct SparseLu<T> {
     a: Pattern,
     values: Vec<T>,
     /// Column of every pivot.
@@ -72,7 +72,7 @@ impl<T: Scalar> SparseLu<T> {
     ///
     /// # Errors
     /// Those of the ordering.
-    pub(crate) fn new(a: Pattern) -> Result<SparseLu<T>> {
+    pub fn new(a: Pattern) -> Result<SparseLu<T>> {
         let n = a.n_cols();
         let (mut rows, mut cols) = (Vec::with_capacity(a.nnz()), Vec::with_capacity(a.nnz()));
         for j in 0..n {
@@ -101,13 +101,13 @@ impl<T: Scalar> SparseLu<T> {
     }
 
     /// The entries of the matrix, zero, to add to.
-    pub(crate) fn clear(&mut self) -> &mut [T] {
+    pub fn clear(&mut self) -> &mut [T] {
         self.values.fill(T::default());
         &mut self.values
     }
 
     /// Factorises what was written, with unknowns of these sizes; false if the matrix is singular to rounding.
-    pub(crate) fn factorise_sized(&mut self, unknown: impl Fn(usize) -> f64) -> bool {
+    pub fn factorise_sized(&mut self, unknown: impl Fn(usize) -> f64) -> bool {
         self.scale.fill(0.0);
         for j in 0..self.a.n_cols() {
             let size = unknown(j);
@@ -248,7 +248,7 @@ impl<T: Scalar> SparseLu<T> {
     }
 
     /// Replaces the right-hand side by the solution.
-    pub(crate) fn solve(&mut self, b: &mut [T]) {
+    pub fn solve(&mut self, b: &mut [T]) {
         let (n, x) = (self.order.len(), &mut self.x);
         x.iter_mut().zip(&self.row).for_each(|(x, &i)| *x = b[i]);
         for k in 0..n {

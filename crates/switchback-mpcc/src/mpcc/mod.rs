@@ -34,7 +34,7 @@ mod scaling;
 mod search;
 #[rustfmt::skip]
 mod settings;
-pub(crate) mod simplex;
+pub mod simplex;
 mod sizes;
 mod solver;
 mod tangent;

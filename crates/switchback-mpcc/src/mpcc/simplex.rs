@@ -23,7 +23,7 @@ const MOST: usize = 50;
 
 /// What is known of a program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Found {
+pub enum Found {
     /// A point within all bounds, and, where there is an objective, the best one.
     Point,
     /// There is none: shown by a combination of the rows.
@@ -36,7 +36,7 @@ pub(crate) enum Found {
 
 /// A program, its basis and the point or ray found last. Variables are numbered through: those of the program, then the rows.
 #[derive(Debug, Clone)]
-pub(crate) struct Simplex {
+pub struct Simplex {
     n: usize,
     m: usize,
     /// Rows as they were given, scaled, `[m · n]` by rows.

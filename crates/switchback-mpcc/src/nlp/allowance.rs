@@ -20,12 +20,12 @@ impl Drop for Restore {
 }
 
 /// Iterations that are left to the call that runs on this thread; `usize::MAX` without a limit.
-pub(crate) fn left() -> usize {
+pub fn left() -> usize {
     LEFT.get()
 }
 
 /// Are all iterations spent?
-pub(crate) fn is_over() -> bool {
+pub fn is_over() -> bool {
     left() == 0
 }
 
@@ -38,7 +38,7 @@ pub(super) fn spend() {
 }
 
 /// Runs `body` with at most so many iterations, and no more than are left.
-pub(crate) fn within<R>(most: usize, body: impl FnOnce() -> R) -> R {
+pub fn within<R>(most: usize, body: impl FnOnce() -> R) -> R {
     let outside = left();
     let inside = most.min(outside);
     let mut restore = Restore(outside);
@@ -59,7 +59,7 @@ pub(super) fn but_one<R>(body: impl FnOnce() -> R) -> R {
 }
 
 /// Runs `body` without counting.
-pub(crate) fn apart<R>(body: impl FnOnce() -> R) -> R {
+pub fn apart<R>(body: impl FnOnce() -> R) -> R {
     let _restore = Restore(LEFT.replace(usize::MAX));
     body()
 }

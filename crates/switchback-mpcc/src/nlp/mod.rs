@@ -14,7 +14,7 @@
 //! Newton system, `filter` the acceptance test, `linesearch` the steps, `restore` the elastic problem,
 //! `saddle` the way out of saddle points, `curvature` the conditions of second order, `tangent` derivatives of solutions, `solver` the main loop.
 
-pub(crate) mod allowance;
+pub mod allowance;
 mod augmented;
 mod callback;
 mod centrality;
@@ -35,8 +35,8 @@ mod tangent;
 pub use callback::{CallbackNlp, LagrangianFn};
 pub use curvature::{FirstOrder, SecondOrder};
 pub use iterate::Iterate;
-pub(crate) use problem::within;
-pub(crate) use problem::{middle, middles};
+pub use problem::within;
+pub use problem::{middle, middles};
 pub use problem::{Bilinear, Bounds, Nlp, INFINITE};
 pub use report::{Control, IterationInfo, Outcome, Residuals, Statistics};
 pub use settings::IpmSettings;

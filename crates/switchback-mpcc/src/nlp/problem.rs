@@ -6,7 +6,7 @@ use crate::linalg::csc::Pattern;
 
 /// `v`, or the nearest end of `[lo, hi]`. Unlike [`f64::clamp`] it has a value whatever its arguments: computed ends
 /// may cross by rounding or be NaN after an underflow, and that is no reason to panic. Ends that are NaN do not count.
-pub(crate) fn within(v: f64, lo: f64, hi: f64) -> f64 {
+pub fn within(v: f64, lo: f64, hi: f64) -> f64 {
     if v < lo {
         lo
     } else if v > hi {
@@ -69,7 +69,7 @@ pub trait Nlp {
 }
 
 /// A point well inside an interval.
-pub(crate) fn middle(lo: f64, hi: f64) -> f64 {
+pub fn middle(lo: f64, hi: f64) -> f64 {
     match (lo.is_finite(), hi.is_finite()) {
         (true, true) => 0.5 * (lo + hi),
         (true, false) => lo.max(0.0),
@@ -79,7 +79,7 @@ pub(crate) fn middle(lo: f64, hi: f64) -> f64 {
 }
 
 /// A point well inside of lower and upper bounds.
-pub(crate) fn middles([lower, upper]: &[Vec<f64>; 2]) -> Vec<f64> {
+pub fn middles([lower, upper]: &[Vec<f64>; 2]) -> Vec<f64> {
     lower.iter().zip(upper).map(|(l, u)| middle(*l, *u)).collect()
 }
 

@@ -101,7 +101,7 @@ pub struct Statistics {
 
 impl Statistics {
     /// Adds the cost of a part, but for `time_total`: whoever adds up has a clock of its own.
-    pub(crate) fn add(&mut self, part: &Statistics) {
+    pub fn add(&mut self, part: &Statistics) {
         self.iterations += part.iterations;
         self.factorisations += part.factorisations;
         self.evaluations += part.evaluations;
@@ -189,14 +189,14 @@ impl Control<'_> {
     }
 
     /// Runs `body` with this as the stop of the thread, to end at most `seconds` from now.
-    pub(crate) fn within<R>(&mut self, seconds: f64, body: impl FnOnce(&mut Self) -> R) -> R {
+    pub fn within<R>(&mut self, seconds: f64, body: impl FnOnce(&mut Self) -> R) -> R {
         let mut stop = self.stop.clone();
         stop.limit(seconds);
         self.under(stop, body)
     }
 
     /// Runs `body`, to end after this share of the time that is left; what follows has the rest.
-    pub(crate) fn sooner<R>(&mut self, share: f64, body: impl FnOnce(&mut Self) -> R) -> R {
+    pub fn sooner<R>(&mut self, share: f64, body: impl FnOnce(&mut Self) -> R) -> R {
         self.under(self.stop.sooner(share), body)
     }
 
@@ -209,7 +209,7 @@ impl Control<'_> {
     }
 
     /// Reports an iteration; returns why to stop, if so.
-    pub(crate) fn check(&mut self, info: &IterationInfo) -> Option<Outcome> {
+    pub fn check(&mut self, info: &IterationInfo) -> Option<Outcome> {
         if !self.monitor.as_mut().is_none_or(|f| f(info)) {
             stop::raise();
             return Some(Outcome::Stopped);

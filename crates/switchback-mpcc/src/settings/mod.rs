@@ -14,7 +14,7 @@ mod names;
 #[rustfmt::skip]
 mod options;
 
-pub(crate) use names::{nearest, shortened};
+pub use names::{nearest, shortened};
 pub use options::*;
 
 /// A value on its way to or from an option.

@@ -4,7 +4,7 @@
 const LONGEST_NAME: usize = 64;
 
 /// A text of the caller for a message: its beginning, if it is longer than any name.
-pub(crate) fn shortened(text: &str) -> std::borrow::Cow<'_, str> {
+pub fn shortened(text: &str) -> std::borrow::Cow<'_, str> {
     match text.char_indices().nth(LONGEST_NAME) {
         Some((end, _)) => format!("{}... ({} bytes)", &text[..end], text.len()).into(),
         None => text.into(),
@@ -12,7 +12,7 @@ pub(crate) fn shortened(text: &str) -> std::borrow::Cow<'_, str> {
 }
 
 /// The candidate nearest to `word`, if one is near enough to be meant.
-pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+pub fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     if word.len() > LONGEST_NAME {
         return None;
     }

@@ -39,7 +39,7 @@ kernel!(inverse_root, inverse_root_body, (n: usize, l: &[f64], ld: usize, root: 
 
 /// Runs `body` compiled for wide registers. What it calls must be `#[inline(always)]` to profit.
 #[inline(always)]
-pub(crate) fn wide<R>(body: impl FnOnce() -> R) -> R {
+pub fn wide<R>(body: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2,fma")]
@@ -55,14 +55,14 @@ pub(crate) fn wide<R>(body: impl FnOnce() -> R) -> R {
 }
 
 /// What [`widest`] runs. What it calls must be `#[inline(always)]` to profit.
-pub(crate) trait Kernel {
+pub trait Kernel {
     /// With sums that are rounded once together with a product, if `FUSED`.
     fn run<const FUSED: bool>(self);
 }
 
 /// Runs a kernel compiled for wide registers.
 #[inline(always)]
-pub(crate) fn widest(kernel: impl Kernel) {
+pub fn widest(kernel: impl Kernel) {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2,fma")]

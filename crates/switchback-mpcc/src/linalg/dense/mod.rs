@@ -7,33 +7,38 @@
 #[allow(unsafe_code)]
 mod dispatch;
 
-pub(crate) use dispatch::{wide, widest, Kernel};
+pub use dispatch::{wide, widest, Kernel};
 
 /// Rows of a tile that is kept in registers.
 const TILE_ROWS: usize = 8;
 /// Columns of a tile that is kept in registers.
-pub(crate) const TILE_COLS: usize = 4;
+pub const TILE_COLS: usize = 4;
 /// Columns that a factorisation handles at once.
 const PANEL: usize = 8;
 
 /// A left factor: `m × k` entries, rows beside each other.
 #[derive(Clone, Copy)]
-pub(crate) struct Left<'a> {
+pub struct Left<'a> {
+    /// Entries, one row after the other.
     pub v: &'a [f64],
+    /// From one row to the next.
     pub ld: usize,
 }
 
 /// A right factor: entry `(i, j)` is `v[i * rs + j * cs]`, so a transposed matrix is one with its steps exchanged.
 #[derive(Clone, Copy)]
-pub(crate) struct Right<'a> {
+pub struct Right<'a> {
+    /// Entries.
     pub v: &'a [f64],
+    /// From one row to the next.
     pub rs: usize,
+    /// From one column to the next.
     pub cs: usize,
 }
 
 /// What happens to the left side of an assignment.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Mode {
+pub enum Mode {
     /// `C = A B`
     Set,
     /// `C += A B`
@@ -44,7 +49,7 @@ pub(crate) enum Mode {
 
 /// Product of `m × k` and `k × n` into `c` with the leading dimension `ldc`.
 #[inline]
-pub(crate) fn gemm([m, n, k]: [usize; 3], a: Left, b: Right, c: &mut [f64], ldc: usize, mode: Mode) {
+pub fn gemm([m, n, k]: [usize; 3], a: Left, b: Right, c: &mut [f64], ldc: usize, mode: Mode) {
     dispatch::gemm([m, n, k], a, b, c, ldc, mode);
 }
 
@@ -183,7 +188,7 @@ fn add_row<const FUSED: bool, const MR: usize>(left: &[f64], right: f64, sum: &m
 
 /// `y += A x` with `m × n` entries.
 #[inline]
-pub(crate) fn gemv(m: usize, n: usize, a: Left, x: &[f64], y: &mut [f64]) {
+pub fn gemv(m: usize, n: usize, a: Left, x: &[f64], y: &mut [f64]) {
     dispatch::gemv(m, n, a, x, y);
 }
 
@@ -200,7 +205,7 @@ fn gemv_body<const FUSED: bool>(m: usize, n: usize, a: Left, x: &[f64], y: &mut 
 
 /// `y += Aᵀ x` with `m × n` entries of `A`, `x` of `m` and `y` of `n`.
 #[inline]
-pub(crate) fn gemv_transposed(m: usize, n: usize, a: Left, x: &[f64], y: &mut [f64]) {
+pub fn gemv_transposed(m: usize, n: usize, a: Left, x: &[f64], y: &mut [f64]) {
     dispatch::gemv_transposed(m, n, a, x, y);
 }
 
@@ -213,7 +218,7 @@ fn gemv_transposed_body<const FUSED: bool>(m: usize, n: usize, a: Left, x: &[f64
 
 /// Scalar product, summed in eight interleaved sums.
 #[inline]
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     dot_body::<false>(a, b)
 }
 
@@ -239,7 +244,7 @@ fn dot_body<const FUSED: bool>(a: &[f64], b: &[f64]) -> f64 {
 
 /// `y += alpha x`
 #[inline(always)]
-pub(crate) fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
+pub fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
     let n = x.len().min(y.len());
     let (x, y) = (&x[..n], &mut y[..n]);
     for i in 0..n {
@@ -249,7 +254,7 @@ pub(crate) fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
 
 /// Cholesky factor of the lower triangle of `a`, in place; false where a pivot is not above `n` times the rounding error of its
 /// diagonal entry. The upper triangle is neither read nor written.
-pub(crate) fn potrf(n: usize, a: &mut [f64], ld: usize) -> bool {
+pub fn potrf(n: usize, a: &mut [f64], ld: usize) -> bool {
     dispatch::potrf(n, a, ld)
 }
 
@@ -295,7 +300,7 @@ fn potrf_body<const FUSED: bool>(n: usize, a: &mut [f64], ld: usize) -> bool {
 
 /// `L⁻ᵀ` of a Cholesky factor `l`, upper triangular, so that `L⁻ᵀ L⁻¹` is the inverse of the matrix. What is below the diagonal is
 /// not written.
-pub(crate) fn inverse_root(n: usize, l: &[f64], ld: usize, root: &mut [f64], ld_root: usize) {
+pub fn inverse_root(n: usize, l: &[f64], ld: usize, root: &mut [f64], ld_root: usize) {
     dispatch::inverse_root(n, l, ld, root, ld_root);
 }
 
@@ -336,7 +341,7 @@ fn inverse_root_body<const FUSED: bool>(n: usize, l: &[f64], ld: usize, root: &m
 /// Eigenvalues that are not above `floor` are replaced by their moduli, or by `floor` where these are smaller: directions of
 /// negative curvature keep their size. By cyclic rotations (Jacobi); `a` has the leading dimension `n`, `work` is scratch of
 /// `n² + n`. Returns the smallest eigenvalue before.
-pub(crate) fn mirror_eigenvalues(n: usize, a: &mut [f64], work: &mut [f64], floor: f64) -> f64 {
+pub fn mirror_eigenvalues(n: usize, a: &mut [f64], work: &mut [f64], floor: f64) -> f64 {
     let (vectors, values) = work.split_at_mut(n * n);
     vectors.fill(0.0);
     (0..n).for_each(|i| vectors[i + i * n] = 1.0);

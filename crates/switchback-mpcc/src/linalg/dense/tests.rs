@@ -2,7 +2,7 @@
 
 use super::*;
 
-pub(crate) fn numbers(seed: u64) -> impl FnMut() -> f64 {
+pub fn numbers(seed: u64) -> impl FnMut() -> f64 {
     let mut s = seed;
     move || {
         s = s.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

@@ -1,4 +1,4 @@
-//! Links SuiteSparse (LDL, AMD) with the feature `suitesparse`, names the shared library, and tells dependents where the C header is.
+//! Links SuiteSparse (LDL, AMD) with the feature `suitesparse`.
 
 use std::env;
 use std::ffi::OsString;
@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 const LIBRARIES: [&str; 3] = ["ldl", "amd", "suitesparseconfig"];
 
 /// What to build with where there is no SuiteSparse.
-const WITHOUT: &str = "--no-default-features --features allocator";
+const WITHOUT: &str = "--no-default-features (and --features allocator for the library for C)";
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
@@ -26,27 +26,6 @@ fn main() {
         } else {
             suitesparse();
         }
-    }
-    // DEP_SWITCHBACK_INCLUDE and DEP_SWITCHBACK_VERSION in the build scripts of dependents.
-    let root = env::var("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
-    println!("cargo:include={}", Path::new(&root).join("include").display());
-    let version = env::var("CARGO_PKG_VERSION").expect("cargo sets CARGO_PKG_VERSION");
-    println!("cargo:version={version}");
-    // Before 1.0 the ABI may change with the minor version: libswitchback.so.0.MINOR; from 1.0 on with
-    // the major version alone.
-    let mut parts = version.split('.');
-    let (major, minor) = (parts.next().unwrap_or("0"), parts.next().unwrap_or("0"));
-    let abi = if major == "0" { format!("0.{minor}") } else { major.to_string() };
-    let arg = |text: &str| println!("cargo:rustc-cdylib-link-arg={text}");
-    match target("OS").as_str() {
-        "linux" => {
-            arg(&format!("-Wl,-soname,libswitchback.so.{abi}"));
-            arg("-Wl,--no-undefined");
-        }
-        "macos" => arg(&format!("-Wl,-install_name,@rpath/libswitchback.{abi}.dylib")),
-        // Memory for arguments and results, and functions of the host in the place of those of C.
-        "wasi" => ["--export=malloc", "--export=free", "--export-table", "--growable-table"].into_iter().for_each(arg),
-        _ => {}
     }
 }
 
