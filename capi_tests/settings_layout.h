@@ -1,4 +1,4 @@
-/* Layout of swb_settings and numbers of its enumerations: written by `make header` from src/settings/options.toml. */
+/* Layout of swb_settings and numbers of its enumerations: written by `make header` from crates/switchback-mpcc/src/settings/options.toml. */
 AT(swb_settings, 1, rk_family);
 AT(swb_settings, 2, n_s);
 AT(swb_settings, 3, n_fe);

@@ -1,6 +1,6 @@
 /* switchback: simulation and optimal control of systems that switch. C interface.
  *
- * Generated from src/capi; do not edit. BSD-2-Clause, see LICENSE.
+ * Generated from crates/switchback-capi; do not edit. BSD-2-Clause, see LICENSE.
  *
  * Calls return a swb_status: SWB_OK, or a negative code that says why the call could not do its work;
  * swb_last_error() of the same thread has the message. On failure no output is written, except NULL to

@@ -1,4 +1,4 @@
-//! What this layer takes of the options: written by `make header` from src/settings/options.toml; do not edit.
+//! What this layer takes of the options: written by `make header` from options.toml of the settings; do not edit.
 
 use crate::settings::{AmbiguityPolicy, Integration, Selection, Sensitivity, Settings, ZenoPolicy};
 

@@ -1,9 +1,9 @@
 //! Writes what is made of the option table and of the C interface, or says which committed file is out of date.
 //!
-//! `switchback-header [--check] [ROOT]`. From `src/settings/options.toml` come the settings in Rust, what the layers of the
-//! library take of them, a page and a test; from these settings and `src/capi` come `include/switchback.h`, by cbindgen, and
+//! `switchback-header [--check] [ROOT]`. From `options.toml` beside the settings of `crates/switchback-mpcc` come the settings in Rust, what the layers of the
+//! library take of them, a page and a test; from these settings and `crates/switchback-capi` come `include/switchback.h`, by cbindgen, and
 //! `include/api.json`, which describes the same for generators of bindings. Both are read in the order of the `pub mod`
-//! lines of `src/capi/mod.rs` and from nothing else: types are resolved by name alone, so the rest of the crate could only
+//! lines of its `lib.rs` and from nothing else: types are resolved by name alone, so the rest of the crate could only
 //! confuse. The version macros come from `Cargo.toml`.
 
 mod api;
@@ -44,10 +44,10 @@ fn main() -> ExitCode {
 /// Files that are not what they should be; none after writing them.
 fn run(root: &Path, check: bool) -> Result<Vec<String>> {
     let read = |name: &str| fs::read_to_string(root.join(name)).unwrap_or_default();
-    let all = Options::parse(&fs::read_to_string(root.join("src/settings/options.toml"))?)
-        .map_err(|e| format!("src/settings/options.toml: {e}"))?;
+    let table = format!("{SETTINGS}/options.toml");
+    let all = Options::parse(&fs::read_to_string(root.join(&table))?).map_err(|e| format!("{table}: {e}"))?;
     let mut files = vec![
-        ("src/settings/options.rs".to_owned(), rust::settings(&all)),
+        (format!("{SETTINGS}/options.rs"), rust::settings(&all)),
         ("docs/options.md".to_owned(), pages::options(&all)),
         ("capi_tests/settings_layout.h".to_owned(), pages::layout(&all)),
         (MEMORY.to_owned(), pages::memory(&all, &read(MEMORY))?),
@@ -58,6 +58,8 @@ fn run(root: &Path, check: bool) -> Result<Vec<String>> {
     Ok(stale)
 }
 
+const SETTINGS: &str = "crates/switchback-mpcc/src/settings";
+const CAPI: &str = "crates/switchback-capi/src";
 const MEMORY: &str = "capi_tests/abi/options.txt";
 
 fn compare(root: &Path, files: &[(String, String)], check: bool) -> Result<Vec<String>> {
@@ -93,9 +95,9 @@ fn interface(root: &Path, all: &Options) -> Result<Vec<(String, String)>> {
     let after = config.after_includes.take().unwrap_or_default();
     config.after_includes = Some(after.replace("@VERSION_MACROS@\n", &macros).replace("@VERSION@", &version));
 
-    let mut files = vec![root.join("src/settings/options.rs")];
-    let modules = modules(&fs::read_to_string(root.join("src/capi/mod.rs"))?).into_iter();
-    files.extend(modules.map(|module| root.join(format!("src/capi/{module}.rs"))));
+    let mut files = vec![root.join(SETTINGS).join("options.rs")];
+    let modules = modules(&fs::read_to_string(root.join(CAPI).join("lib.rs"))?).into_iter();
+    files.extend(modules.map(|module| root.join(CAPI).join(format!("{module}.rs"))));
     let sources = files.iter().map(fs::read_to_string).collect::<std::io::Result<Vec<_>>>()?;
     let api = api::read(&version, &config, &sources)?;
 

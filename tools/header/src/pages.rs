@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 pub fn options(all: &Options) -> String {
     let mut s = String::from(
         "# Options\n\n\
-         Written by `make header` from `src/settings/options.toml`.\n\n\
+         Written by `make header` from `crates/switchback-mpcc/src/settings/options.toml`.\n\n\
          Fields of `swb_settings`, and names for `swb_settings_set_int`, `_double`, `_string` and the same calls of\n\
          objects. Options marked with * shape the problem: when they change, it is built again.\n",
     );
@@ -65,7 +65,7 @@ fn short(v: f64) -> String {
 /// `capi_tests/settings_layout.h`: lines for the main function of a test.
 pub fn layout(all: &Options) -> String {
     let mut s = String::from(
-        "/* Layout of swb_settings and numbers of its enumerations: written by `make header` from src/settings/options.toml. */\n",
+        "/* Layout of swb_settings and numbers of its enumerations: written by `make header` from crates/switchback-mpcc/src/settings/options.toml. */\n",
     );
     for (i, o) in all.options.iter().enumerate() {
         let _ = writeln!(s, "AT(swb_settings, {}, {});", i + 1, o.name);
@@ -98,7 +98,7 @@ pub fn memory(all: &Options, before: &str) -> Result<String> {
     let lines: std::collections::BTreeSet<&str> = s.lines().collect();
     match before.lines().filter(|l| !l.starts_with('#')).find(|l| !lines.contains(l)) {
         Some(l) => {
-            Err(format!("capi_tests/abi/options.txt has the line '{l}', which src/settings/options.toml breaks").into())
+            Err(format!("capi_tests/abi/options.txt has the line '{l}', which crates/switchback-mpcc/src/settings/options.toml breaks").into())
         }
         None => Ok(s),
     }

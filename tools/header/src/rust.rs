@@ -3,9 +3,9 @@
 use crate::table::{camel, End, Enum, Kind, Options, Place, Row, View};
 use std::fmt::Write as _;
 
-const NOTE: &str = "written by `make header` from src/settings/options.toml; do not edit";
+const NOTE: &str = "written by `make header` from options.toml of the settings; do not edit";
 
-/// `src/settings/options.rs`.
+/// `options.rs` beside the table.
 pub fn settings(all: &Options) -> String {
     let mut s = format!("//! All options: {NOTE}.\n\n");
     s += "use super::{bad, Bound::{Closed, Open}, Kind, OptionInfo};\nuse crate::error::Result;\nuse std::mem::offset_of;\n";
@@ -130,7 +130,7 @@ pub fn view(all: &Options, v: &View) -> String {
     used.dedup();
     let target = v.passes_to.as_ref().and_then(|to| all.views.iter().find(|w| w.name == *to));
     if let Some(w) = target {
-        let module = w.file.trim_start_matches("src/").split('/').next().unwrap_or_default();
+        let module = w.file.rsplit_once("src/").and_then(|(_, f)| f.split('/').next()).unwrap_or_default();
         let _ = writeln!(s, "use crate::{module}::{};", w.type_name);
     }
     let _ = write!(s, "use crate::settings::{{{}}};\n\n/// {}\n", used.join(", "), v.text);

@@ -1,4 +1,4 @@
-//! `src/settings/options.toml`: what it says, or what is wrong with it.
+//! `crates/switchback-mpcc/src/settings/options.toml`: what it says, or what is wrong with it.
 
 use crate::Result;
 use std::collections::BTreeSet;

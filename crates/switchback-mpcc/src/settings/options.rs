@@ -1,4 +1,4 @@
-//! All options: written by `make header` from src/settings/options.toml; do not edit.
+//! All options: written by `make header` from options.toml of the settings; do not edit.
 
 use super::{bad, Bound::{Closed, Open}, Kind, OptionInfo};
 use crate::error::Result;
