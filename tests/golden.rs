@@ -11,7 +11,7 @@ mod contacts;
 mod models;
 #[path = "common/optimal/mod.rs"]
 mod optimal;
-#[path = "common/textbook/mod.rs"]
+#[path = "../crates/switchback-mpcc/tests/common/textbook/mod.rs"]
 mod textbook;
 
 use std::collections::BTreeMap;

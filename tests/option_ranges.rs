@@ -3,7 +3,7 @@
 
 #[path = "../examples/report/models.rs"]
 mod models;
-#[path = "common/textbook/mod.rs"]
+#[path = "../crates/switchback-mpcc/tests/common/textbook/mod.rs"]
 mod textbook;
 
 use switchback::event;

@@ -1,6 +1,6 @@
 //! Several strategies in one solve: where the first one fails others follow, and all of them together find the best.
 
-#[path = "common/textbook/mod.rs"]
+#[path = "../crates/switchback-mpcc/tests/common/textbook/mod.rs"]
 mod textbook;
 
 use std::sync::Arc;

@@ -5,7 +5,7 @@
 mod models;
 #[path = "common/optimal/mod.rs"]
 mod optimal;
-#[path = "common/textbook/mod.rs"]
+#[path = "../crates/switchback-mpcc/tests/common/textbook/mod.rs"]
 mod textbook;
 
 use std::sync::atomic::{AtomicUsize, Ordering};

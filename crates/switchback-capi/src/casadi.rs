@@ -4,13 +4,13 @@ use super::function::{swb_function, UserFunction};
 use super::guard::guard;
 use super::status::swb_status;
 use super::{handle, raw};
+use std::ffi::c_char;
+use std::path::Path;
+use std::sync::Arc;
 use switchback::error::{Error, Result};
 use switchback::func::casadi::{self, Code, Symbols};
 use switchback::func::{Callback, Dims};
 use switchback::memory::sizes::size;
-use std::ffi::c_char;
-use std::path::Path;
-use std::sync::Arc;
 
 /// Address of code of any kind.
 pub type swb_code = Option<unsafe extern "C" fn()>;

@@ -6,14 +6,14 @@ use super::mpcc::{swb_mpcc, Outcome1, Program};
 use super::raw;
 use super::report::{swb_linear_stats, swb_residuals, write_sized};
 use super::status::swb_status;
+use std::ffi::{c_char, CStr};
+use std::fmt::Write as _;
+use std::ptr;
 use switchback::error::{Error, Result};
 use switchback::mpcc::diagnostics::{self, Warning};
 use switchback::mpcc::{BStationarity, Certificate, Doubt, FoundBy, Polish, Stationarity};
 use switchback::nlp::Residuals;
 use switchback::nlp::SecondOrder;
-use std::ffi::{c_char, CStr};
-use std::fmt::Write as _;
-use std::ptr;
 
 /// Parts of a program that have names and can be violated. The first two are those of enum swb_member.
 #[repr(i32)]

@@ -8,13 +8,13 @@ use super::ocp::{self, swb_ocp};
 use super::raw;
 use super::simulator::{swb_simulator, Simulation};
 use super::status::swb_status;
+use std::ffi::c_char;
 use switchback::document::{read, write_model, Document};
 use switchback::error::{check_run, Error, Result};
 use switchback::expr::Id;
 use switchback::memory::sizes;
 use switchback::model::SavedModel;
 use switchback::system::SharedFunction;
-use std::ffi::c_char;
 
 unsafe fn supplied(functions: *const *const swb_function, n: i64) -> Result<Vec<SharedFunction>> {
     let all = unsafe { raw::slice(functions, n, "functions")? };

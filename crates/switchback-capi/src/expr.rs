@@ -6,12 +6,12 @@ use super::handle::{self, Object};
 use super::raw;
 use super::status::swb_status;
 use super::system::swb_system;
+use std::ffi::c_char;
 use switchback::error::{Error, Result};
 use switchback::expr::{write_c, Block, Dag, ExprFunction, Id, Operator, Piecewise};
 use switchback::func::Dims;
 use switchback::memory::sizes::{self, size};
 use switchback::model::{Built, Model, Names, Trial};
-use std::ffi::c_char;
 
 /// Graph of expressions. Every expression is a number in its graph and exists once: equal expressions have equal
 /// numbers. Expressions live as long as the graph; functions and models made of them are independent of it.

@@ -7,10 +7,10 @@ use super::raw;
 use super::report::{write_sized, Sized8};
 use super::scene::swb_scene;
 use super::status::swb_status;
-use switchback::error::{Error, Result};
-use switchback::freezing::{freeze_in, Layout, Options};
 use std::ffi::c_char;
 use std::ptr;
+use switchback::error::{Error, Result};
+use switchback::freezing::{freeze_in, Layout, Options};
 
 /// How a scene is made a piecewise smooth system in numerical time; swb_freeze_options_init sets the defaults.
 #[repr(C)]

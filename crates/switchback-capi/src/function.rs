@@ -4,16 +4,16 @@ use super::guard::guard;
 use super::handle::{self, setting, Object};
 use super::raw;
 use super::status::swb_status;
+use std::ffi::{c_char, c_void};
+use std::ptr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use switchback::error::{Error, Result};
 use switchback::func::trouble::{self, Complaint};
 use switchback::func::{check_derivatives, Callback, CheckSettings, Dims, EvalError, EvalResult, Function, Point};
 use switchback::linalg::csc::Pattern;
 use switchback::memory::{self, sizes, sizes::size};
 use switchback::system::SharedFunction;
-use std::ffi::{c_char, c_void};
-use std::ptr;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
 
 /// Function with first and second derivatives: reference counted inside, so the handle may be freed as
 /// soon as the function was handed to a model.

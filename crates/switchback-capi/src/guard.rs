@@ -3,13 +3,13 @@
 
 use super::raw;
 use super::status::swb_status;
-use switchback::error::{Error, Result};
-use switchback::memory;
 use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::ffi::{c_char, CStr, CString};
 use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::sync::Once;
+use switchback::error::{Error, Result};
+use switchback::memory;
 
 struct LastError {
     message: CString,

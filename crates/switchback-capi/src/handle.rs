@@ -10,12 +10,12 @@ use super::guard::{caught, guard, query, remember, remember_constant};
 use super::raw;
 use super::slots::{Kind, Refusal, Slot, OBJECTS};
 use super::status::swb_status;
-use switchback::error::{Error, Result};
-use switchback::memory;
 use std::cell::{Cell, RefCell, UnsafeCell};
 use std::ptr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use switchback::error::{Error, Result};
+use switchback::memory;
 
 /// An exported marker type, opaque in the header, and the value behind it.
 pub trait Object {

@@ -9,13 +9,13 @@ use super::run::{ending_number, order, swb_run, swb_run_stats};
 use super::settings;
 use super::status::swb_status;
 use super::system::swb_system;
+use std::ffi::{c_char, c_void};
+use std::mem::size_of;
+use std::sync::Arc;
 use switchback::error::{Error, Result};
 use switchback::event::{Branching, Engine, Term};
 use switchback::session::{Integrator, StepKind};
 use switchback::settings::{Settings, Value};
-use std::ffi::{c_char, c_void};
-use std::mem::size_of;
-use std::sync::Arc;
 
 /// Event-driven integrator of a system: explicit or implicit steps inside of modes, sliding modes as
 /// differential-algebraic equations, every switch located to rounding. swb_simulator solves the equations of FESD

@@ -1,9 +1,9 @@
 //! JSON of results on one line, with a blank behind commas and colons.
 
-use switchback::error::{Error, Result};
 use serde::Serialize;
 use serde_json::ser::{Formatter, Serializer};
 use std::io::{self, Write};
+use switchback::error::{Error, Result};
 
 struct Spaced;
 

@@ -7,11 +7,11 @@ use super::guard::guard;
 use super::raw;
 use super::settings;
 use super::status::swb_status;
+use std::ffi::{c_char, c_void};
+use std::sync::Arc;
 use switchback::error::{Error, Result};
 use switchback::session::Lines;
 use switchback::settings::{LogLevel, Settings, OPTIONS};
-use std::ffi::{c_char, c_void};
-use std::sync::Arc;
 
 /// Receives one log line, without line break. `level` is an enum swb_log_level, `line` is valid during
 /// the call only. May be called by the thread that runs the solver, never after the call that was given

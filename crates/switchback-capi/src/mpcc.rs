@@ -11,6 +11,10 @@ use super::report::{
 };
 use super::settings;
 use super::status::swb_status;
+use std::ffi::{c_char, c_void};
+use std::ptr;
+use std::sync::Arc;
+use std::time::Instant;
 use switchback::error::{Error, Result};
 use switchback::func::{trouble, EvalError, Point};
 use switchback::linalg::csc::Pattern;
@@ -21,10 +25,6 @@ use switchback::mpcc::{Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver, No
 use switchback::nlp::{Bounds, CallbackNlp, LagrangianFn, Nlp, Outcome, Residuals};
 use switchback::settings::{LogLevel, Settings, Value};
 use switchback::system::SharedFunction;
-use std::ffi::{c_char, c_void};
-use std::ptr;
-use std::sync::Arc;
-use std::time::Instant;
 
 /// Nonlinear program with complementarity constraints: minimise f(w,p) subject to bounds on w and c(w,p),
 /// and 0 <= G _|_ H >= 0 for pairs of variables or rows of c. Without pairs, a nonlinear program.

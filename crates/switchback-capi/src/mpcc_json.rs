@@ -3,11 +3,11 @@
 use super::diagnosis::{polish_name, swb_item, SHOWN};
 use super::json;
 use super::mpcc::Program;
+use serde::ser::{SerializeMap, Serializer};
+use serde::Serialize;
 use switchback::error::Result;
 use switchback::nlp::Residuals;
 use switchback::settings::Settings;
-use serde::ser::{SerializeMap, Serializer};
-use serde::Serialize;
 
 #[derive(Serialize)]
 struct Document<'a> {

@@ -8,11 +8,11 @@ use super::raw;
 use super::report::{outcome_number, polished_number, swb_iteration_fn, write_sized, Exclusive, Hooks, Sized8};
 use super::settings;
 use super::status::swb_status;
+use std::ffi::{c_char, c_void};
 use switchback::error::{Error, Result};
 use switchback::nlp::Outcome;
 use switchback::ocp::{MultiPhase, MultiPhaseResult};
 use switchback::settings::{LogLevel, Settings};
-use std::ffi::{c_char, c_void};
 
 /// Optimal control problem of phases, each with its own system, horizon, costs and constraints, linked by constraints
 /// between the end of one and the start of the next.

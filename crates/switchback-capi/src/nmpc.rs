@@ -6,14 +6,14 @@ use super::ocp::{copied, swb_ocp};
 use super::raw;
 use super::report::{check_sized, write_sized, Sized8};
 use super::status::swb_status;
+use std::mem::size_of;
+use std::ptr;
+use std::sync::atomic::Ordering;
 use switchback::error::{Error, Result};
 use switchback::nmpc::{Feedback, Level, Monitor, Nmpc, Options, Preparation, QpMethod, Scheme, Worker};
 use switchback::session::listening;
 use switchback::stop::Stop;
 use switchback::tableau::Family;
-use std::mem::size_of;
-use std::ptr;
-use std::sync::atomic::Ordering;
 
 /// Controller: feedback for measured states by a few iterations per sample on an optimal control problem.
 pub struct swb_nmpc(());

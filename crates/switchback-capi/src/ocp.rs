@@ -13,6 +13,7 @@ use super::status::swb_status;
 use super::system::swb_system;
 use super::threads;
 use super::trajectory::{hand_out, swb_trajectory};
+use std::ffi::{c_char, c_void};
 use switchback::document::write_ocp;
 use switchback::error::{Error, Result};
 use switchback::fesd::PathAt;
@@ -20,7 +21,6 @@ use switchback::memory::sizes;
 use switchback::nlp::Outcome;
 use switchback::ocp::{Around, Multipliers, MultipliersOf, Nominal, Ocp, OcpResult, OcpSensitivity};
 use switchback::settings::{LogLevel, Settings, Value};
-use std::ffi::{c_char, c_void};
 
 /// Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
 pub struct swb_ocp(());

@@ -7,9 +7,9 @@ use super::ocp::swb_ocp;
 use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
+use std::ffi::c_char;
 use switchback::error::{Error, Result};
 use switchback::ocp::{Accuracy, Along, OcpResult};
-use std::ffi::c_char;
 
 /// Comparison of an optimal control with a simulation of its controls: by the event-driven engine, or by finite elements of
 /// another order where there are inclusions or algebraic equations. NaN from where the simulation did not get.

@@ -6,10 +6,10 @@ use super::ocp::swb_ocp;
 use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
-use switchback::error::{Error, Result};
-use switchback::ocp::{Kink, OcpResult, Optimality, Verdict};
 use std::ffi::{c_char, CStr};
 use std::ptr;
+use switchback::error::{Error, Result};
+use switchback::ocp::{Kink, OcpResult, Optimality, Verdict};
 
 /// What an optimal control is as a point of the control problem: is the cost stationary under changes of controls, free
 /// lengths, free parameters and free initial states, when every change is simulated by events?

@@ -8,11 +8,11 @@ use super::run::write_structs;
 use super::scene::{impact_of, swb_impact, swb_scene};
 use super::settings;
 use super::status::swb_status;
+use std::ffi::c_char;
 use switchback::error::{Error, Result};
 use switchback::memory::sizes;
 use switchback::ocp::{Contacts, Jumps, Ocp};
 use switchback::settings::Settings;
-use std::ffi::c_char;
 
 /// How an optimal control problem of a scene finds contact modes and impacts.
 #[repr(i32)]

@@ -1,8 +1,8 @@
 //! Pointers of the caller: checked before they are read, written without a reference to them.
 
-use switchback::error::{Error, Result};
 use std::ffi::{c_char, CStr, CString};
 use std::{ptr, slice};
+use switchback::error::{Error, Result};
 
 /// The array `[n]` at `p`. NULL is an empty array if `n` is 0.
 ///

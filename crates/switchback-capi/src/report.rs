@@ -4,6 +4,10 @@ use super::guard::query;
 use super::handle::Interrupt;
 use super::log::{swb_log_fn, LogSink};
 use super::raw;
+use std::ffi::{c_char, c_void, CStr};
+use std::mem::size_of;
+use std::ptr;
+use std::sync::atomic::Ordering;
 use switchback::error::{Error, Result};
 use switchback::func::trouble;
 use switchback::linalg::kkt::LinearStats;
@@ -11,10 +15,6 @@ use switchback::mpcc;
 use switchback::nlp::{Control, IterationInfo, Outcome, Residuals, Statistics};
 use switchback::settings::LogLevel;
 use switchback::stop::Stop;
-use std::ffi::{c_char, c_void, CStr};
-use std::mem::size_of;
-use std::ptr;
-use std::sync::atomic::Ordering;
 
 /// How a solve ended. Numbers are only ever added.
 #[repr(i32)]

@@ -5,12 +5,12 @@ use super::handle::{self, Object};
 use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
-use switchback::error::{Error, Result};
-use switchback::event::{self, Kind, Outcome};
-use switchback::session::{Ending, Record};
 use std::ffi::{c_char, CStr};
 use std::mem::size_of;
 use std::ptr;
+use switchback::error::{Error, Result};
+use switchback::event::{self, Kind, Outcome};
+use switchback::session::{Ending, Record};
 
 /// Result of an event-driven simulation: state, switches, derivatives, dense output. Owned by the caller, independent
 /// of the object it comes from.

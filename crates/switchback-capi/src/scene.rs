@@ -8,6 +8,7 @@ use super::report::Sized8;
 use super::run::{need_derivatives, swb_run, write_structs};
 use super::status::swb_status;
 use super::system::swb_system;
+use std::ffi::c_char;
 use switchback::error::{Error, Result};
 use switchback::event::Impact;
 use switchback::expr::Id;
@@ -15,7 +16,6 @@ use switchback::memory::sizes::size;
 use switchback::model::Names;
 use switchback::scene::{Built, Contact, Scene};
 use switchback::system::ImpactLaw;
-use std::ffi::c_char;
 
 /// A scene that is being written, and what it became when it was last built.
 pub struct SceneObject {

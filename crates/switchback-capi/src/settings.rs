@@ -8,12 +8,12 @@
 use super::guard::{guard, query};
 use super::raw;
 use super::status::swb_status;
-use switchback::error::{Error, Result};
-use switchback::settings::{option, Kind, OptionInfo, Settings, Value, OPTIONS};
 use std::ffi::{c_char, CString};
 use std::mem::size_of;
 use std::ptr;
 use std::sync::OnceLock;
+use switchback::error::{Error, Result};
+use switchback::settings::{option, Kind, OptionInfo, Settings, Value, OPTIONS};
 
 /// Kind of an option.
 #[repr(i32)]

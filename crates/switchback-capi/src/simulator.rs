@@ -9,6 +9,7 @@ use super::settings;
 use super::status::swb_status;
 use super::system::swb_system;
 use super::trajectory::{hand_out, swb_trajectory};
+use std::ffi::{c_char, c_void};
 use switchback::document;
 use switchback::error::{check_run, Result};
 use switchback::memory;
@@ -16,7 +17,6 @@ use switchback::nlp::Outcome;
 use switchback::settings::{LogLevel, Settings, Value};
 use switchback::sim::{SimResult, Simulator};
 use switchback::system::System;
-use std::ffi::{c_char, c_void};
 
 /// Simulator of a system: time, state, and the trajectory since the state was set.
 pub struct swb_simulator(());

@@ -11,10 +11,10 @@
 //! look at its interrupt flag, and the generation. All operations are lock-free, so a child process after `fork` can
 //! go on, and a signal handler can raise an interrupt flag.
 
-use switchback::error::{Error, Result};
 use std::alloc::{alloc_zeroed, dealloc, Layout};
 use std::ptr;
 use std::sync::atomic::{AtomicI64, AtomicPtr, AtomicU32, AtomicU64, Ordering};
+use switchback::error::{Error, Result};
 
 /// Name of the type of an object, at an address that lives as long as the process.
 pub type Kind = &'static &'static str;

@@ -1,9 +1,9 @@
 //! Status codes: one enumeration, one table, the numbers of [`Error::code`].
 
 use super::guard::query;
-use switchback::error::Error;
 use std::ffi::{c_char, CStr};
 use std::ptr;
+use switchback::error::Error;
 
 /// Status of a call: 0 or a negative code that says why the call could not do its work.
 ///

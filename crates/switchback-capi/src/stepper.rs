@@ -6,14 +6,14 @@ use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
 use super::system::swb_system;
+use std::mem::size_of;
+use std::ptr;
+use std::sync::atomic::Ordering;
 use switchback::error::{Error, Result};
 use switchback::session::listening;
 use switchback::stepping::{Options, Statistics, Stepper};
 use switchback::stop::Stop;
 use switchback::system::ImpactLaw;
-use std::mem::size_of;
-use std::ptr;
-use std::sync::atomic::Ordering;
 
 /// Stepper: makes steps of a scene by the theta-method of Moreau and Jean, in which impacts need not be located. For
 /// scenes with many contacts; of order 1 in the step.

@@ -5,10 +5,10 @@ use super::handle::{self, Object};
 use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
+use std::mem::size_of;
 use switchback::error::{Error, Result};
 use switchback::fesd::{Element, Switch, SwitchKind, Trajectory};
 use switchback::memory;
-use std::mem::size_of;
 
 /// Trajectory of a simulation or of an optimal control problem: finite elements, each a polynomial, that
 /// end where the system switches. Owned by the caller, independent of the object it comes from.

@@ -2,8 +2,8 @@
 
 use super::guard::guard;
 use super::status::swb_status;
-use switchback::error::Error;
 use std::ffi::c_char;
+use switchback::error::Error;
 
 /// Number in a version string of cargo, at compile time.
 const fn number(text: &str) -> i32 {

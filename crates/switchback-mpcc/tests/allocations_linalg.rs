@@ -1,12 +1,10 @@
 //! Scaling, factorisation and solution allocate nothing after the analysis.
 
-#[path = "common/counting.rs"]
-mod counting;
-use counting::count;
-use switchback::linalg::csc::Pattern;
-use switchback::linalg::kkt::{Kkt, KktSettings, KktStatus};
-use switchback::linalg::ldl::{solver, Ordering, SymmetricSolver};
-use switchback::settings::LinearSolver;
+use switchback_mpcc::linalg::csc::Pattern;
+use switchback_mpcc::linalg::kkt::{Kkt, KktSettings, KktStatus};
+use switchback_mpcc::linalg::ldl::{solver, Ordering, SymmetricSolver};
+use switchback_mpcc::memory::allocations as count;
+use switchback_mpcc::settings::LinearSolver;
 
 #[test]
 fn no_allocation_after_new() {

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use switchback::func::{Callback, Dims, Function};
-use switchback::mpcc::{
+use switchback_mpcc::func::{Callback, Dims, Function};
+use switchback_mpcc::mpcc::{
     BStationarity, Certificate, Distance, Lifted, Member, MpccSettings, MpccSolver, NoProposals, Polish, Stationarity,
     Warm,
 };
-use switchback::nlp::{Bounds, CallbackNlp, Control, Ipm, IpmSettings, Monotone, Outcome, SecondOrder, Start};
+use switchback_mpcc::nlp::{Bounds, CallbackNlp, Control, Ipm, IpmSettings, Monotone, Outcome, SecondOrder, Start};
 
 const INF: f64 = f64::INFINITY;
 

@@ -3,10 +3,10 @@
 #[path = "common/textbook/mod.rs"]
 mod textbook;
 
-use switchback::mpcc::relaxation::{strategy, SigmaIn, Softness, Strategy};
-use switchback::mpcc::{Mpcc, MpccSettings, Polish};
-use switchback::nlp::Outcome;
-use switchback::settings::{Homotopy, Relaxation};
+use switchback_mpcc::mpcc::relaxation::{strategy, SigmaIn, Softness, Strategy};
+use switchback_mpcc::mpcc::{Mpcc, MpccSettings, Polish};
+use switchback_mpcc::nlp::Outcome;
+use switchback_mpcc::settings::{Homotopy, Relaxation};
 use textbook::{all, problem, Expect, Found, Problem, Stat, Verdict};
 
 fn relaxations() -> impl Iterator<Item = Relaxation> {

@@ -3,8 +3,8 @@
 #[path = "common/textbook/mod.rs"]
 mod textbook;
 
-use switchback::mpcc::{BStationarity, MpccSettings};
-use switchback::nlp::Nlp;
+use switchback_mpcc::mpcc::{BStationarity, MpccSettings};
+use switchback_mpcc::nlp::Nlp;
 use textbook::branches::{is_local_minimiser, survey, MAX_PAIRS};
 use textbook::planted::{enumerated, long};
 use textbook::{all, relative, Expect, Numbers, Verdict, ACCURACY};

@@ -1,7 +1,7 @@
 //! Programs with complementarity constraints of the literature: the answers that are known, and the ones found.
 //! Recorded problems with known answers join them where there is a folder with a list, `train.json`.
 
-#[path = "../../../tests/common/textbook/mod.rs"]
+#[path = "../../../crates/switchback-mpcc/tests/common/textbook/mod.rs"]
 pub(super) mod textbook;
 
 use super::short;

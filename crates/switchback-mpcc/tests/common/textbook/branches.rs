@@ -1,8 +1,8 @@
 //! Enumeration of the branches of a problem: what decides which answer is right.
 
 use super::{Numbers, Problem};
-use switchback::mpcc::{Mpcc, Side};
-use switchback::nlp::{Control, Ipm, IpmSettings, Monotone, Nlp, Outcome, Start};
+use switchback_mpcc::mpcc::{Mpcc, Side};
+use switchback_mpcc::nlp::{Control, Ipm, IpmSettings, Monotone, Nlp, Outcome, Start};
 
 /// Pairs up to which all branches are tried.
 pub const MAX_PAIRS: usize = 8;

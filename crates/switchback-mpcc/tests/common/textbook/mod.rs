@@ -15,13 +15,13 @@ mod pathological;
 pub mod planted;
 mod smooth;
 
-use switchback::mpcc::{
+use switchback_mpcc::mpcc::{
     BStationarity, CertSettings, Certificate, Certifier, Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver,
     Solution,
 };
-use switchback::nlp::{Bounds, Control, Nlp, Outcome};
+use switchback_mpcc::nlp::{Bounds, Control, Nlp, Outcome};
 
-pub use switchback::mpcc::Stationarity as Stat;
+pub use switchback_mpcc::mpcc::Stationarity as Stat;
 pub use tape::{affine, sum, Ex, Program};
 
 pub const INF: f64 = f64::INFINITY;

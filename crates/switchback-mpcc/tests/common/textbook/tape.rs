@@ -8,9 +8,9 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use switchback::func::{EvalError, EvalResult};
-use switchback::linalg::csc::Pattern;
-use switchback::nlp::Nlp;
+use switchback_mpcc::func::{EvalError, EvalResult};
+use switchback_mpcc::linalg::csc::Pattern;
+use switchback_mpcc::nlp::Nlp;
 
 /// An expression: the number of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
