@@ -7,7 +7,7 @@
 #                processors build in half of the time; make check PROFILE=release checks what is shipped
 # make quick     formatting, layers and unit tests, while one works: two minutes after a change of one line
 # make install   library, header, CMake and pkg-config files into PREFIX
-# make header    write what is made of src/settings/options.toml, include/switchback.h, include/api.json, and from that what Python and Julia declare
+# make header    write what is made of options.toml of the settings, include/switchback.h, include/api.json, and from that what Python and Julia declare
 # make platforms  build for aarch64, musl, Windows, WebAssembly and macOS, and run the C tests there where this machine can; takes long
 # make release-wheel  a wheel that needs nothing of the system, and a source distribution, into build/dist
 # make fuzz      try to break the library for FUZZ_SECONDS, from SEED on; see fuzz/README.md
@@ -51,7 +51,7 @@ header:
 	$(PYTHON) bindings/julia/gen/generate.py
 
 docs:
-	SWB_WRITE_DOCS=1 $(CARGO) test --quiet --release --lib capi::docs
+	SWB_WRITE_DOCS=1 $(CARGO) test --quiet --profile unit --lib docs::
 
 deps:
 	sh scripts/deps.sh $(BUILD)
@@ -164,22 +164,22 @@ quick: check-format
 	CARGO_INCREMENTAL=1 $(CARGO) test --quiet --profile unit --features faer --lib --test layers --test readme
 
 check-format:
-	$(CARGO) fmt --check
+	$(CARGO) fmt --all --check
 	$(CARGO) fmt --check --manifest-path tools/header/Cargo.toml
 
 check-lint:
 	$(PYTHON) scripts/prose.py
-	$(CARGO) clippy --all-targets -- -D warnings
+	$(CARGO) clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --quiet --no-deps --lib
 
-# Unit tests with the backend on faer in the library, which it is shipped without, as all other tests have it; they compute little and are
+# Tests of all crates, which are the default members of the workspace. Unit tests with the backend on faer in the library, which it is shipped without, as all other tests have it; they compute little and are
 # not optimised. What is in examples/ is compiled by check-lint.
 check-rust:
 	$(CARGO) test --profile tests --test '*'
 	$(CARGO) test --profile tests --doc
 	$(CARGO) test --profile unit --features faer --lib
 
-# What crates.io would get, and a crate that depends on it.
+# What crates.io would get, and programs that depend on it.
 check-crate:
 	sh scripts/try_crate.sh $(BUILD)
 

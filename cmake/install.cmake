@@ -26,7 +26,7 @@ if(NOT line MATCHES "\"(([0-9]+)\\.([0-9]+)\\.[0-9]+)\"")
   message(FATAL_ERROR "no version in Cargo.toml")
 endif()
 set(VERSION "${CMAKE_MATCH_1}")
-# The ABI number, also in build.rs.
+# The ABI number, also in crates/switchback-capi/build.rs.
 if(CMAKE_MATCH_2 EQUAL 0)
   set(ABI "0.${CMAKE_MATCH_3}")
   set(compatibility SameMinorVersion)

@@ -47,7 +47,7 @@ have() {
 
 library() { # TARGET CRATE-TYPES
     echo "== $1"
-    cargo rustc --quiet --locked --lib --target "$1" --no-default-features --features allocator --crate-type "$2"
+    cargo rustc --quiet --locked --package switchback-capi --lib --target "$1" --no-default-features --features allocator --crate-type "$2"
 }
 
 # COMPILE and RUN are functions: of a source and a program, of a program. SKIP are tests that the platform cannot have.

@@ -80,7 +80,7 @@ def build(folder: Path, exports: list[str], rustc: str) -> Path:
         "CARGO_PROFILE_RELEASE_OPT_LEVEL": os.environ.get("PLAYGROUND_OPT", "s"),
         "CARGO_PROFILE_RELEASE_DEBUG": "false",
     }
-    command = [os.environ.get("CARGO", "cargo"), "rustc", "--quiet", "--locked", "--lib", "--release", "--target", TARGET]
+    command = [os.environ.get("CARGO", "cargo"), "rustc", "--quiet", "--locked", "--package=switchback-capi", "--lib", "--release", "--target", TARGET]
     subprocess.run([*command, "--no-default-features", "--crate-type", "staticlib"], check=True, cwd=ROOT, env=environment)
     rustlib = Path(subprocess.run([rustc, "--print", "target-libdir"], check=True, capture_output=True, text=True, cwd=ROOT).stdout.strip()).parent
     own = rustlib.parent / TARGET / "lib" / "self-contained"

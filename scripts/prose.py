@@ -4,7 +4,7 @@ usage: prose.py [--table]
 
 A page has sentences of at most 40 words, on average at most 20, and no words that `docs/words.tsv` lists. Code, headings and pictures are no
 sentences. A cell of a table is a text of its own; it counts for the longest sentence and not for the mean. Texts of options
-(`src/settings/options.toml`) and of errors (`docs/errors.md`) are shown alone: none is a question or begins with a word that refers to
+(`crates/switchback-mpcc/src/settings/options.toml`) and of errors (`docs/errors.md`) are shown alone: none is a question or begins with a word that refers to
 something before it. Entries of `CHANGELOG.md` have at most 15 words. `docs/dev/log/` is a record and is not checked. `--table` prints the
 mean and the longest sentence of every page.
 """
@@ -122,7 +122,7 @@ def alone(text: str) -> str | None:
 def option_texts() -> list[tuple[str, str]]:
     """Name and text of every option and of every value of an enumeration. Read by lines: the file is ours, and old interpreters have no TOML."""
     found, name, table = [], "", ""
-    for line in (ROOT / "src" / "settings" / "options.toml").read_text(encoding="utf-8").splitlines():
+    for line in (ROOT / "crates/switchback-mpcc/src/settings/options.toml").read_text(encoding="utf-8").splitlines():
         if head := re.match(r"\[\[(\w+)\]\]", line):
             table = head[1]
         elif entry := re.match(r'name = "(.*)"', line):

@@ -1,9 +1,15 @@
-//! Modules know only what lies below them.
+//! Modules know only what lies below them. That switchback-mpcc knows nothing of switchback, and nobody of the C interface,
+//! cargo sees to; what lies in one crate is checked here.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Every module and what it may use; [`ABOVE_ALL`] may use everything and nobody uses it.
+/// Sources of the crates with layers. Modules of the second are, for the first, as if they were its own.
+const CRATES: [&str; 2] = ["src", "crates/switchback-mpcc/src"];
+/// The crate of the C interface, which may use everything.
+const CAPI: &str = "crates/switchback-capi/src";
+
+/// Every module and what it may use.
 const LAYERS: &[(&str, &[&str])] = &[
     ("error", &[]),
     ("memory", &["error"]),
@@ -56,9 +62,21 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("session", &["error", "stop", "settings", "func", "system", "event"]),
     ("document", &["error", "stop", "settings", "func", "expr", "system", "model", "fesd", "ocp"]),
 ];
-const ABOVE_ALL: &str = "capi";
 /// Everybody may use these; they use `error` at most.
 const BELOW_ALL: &[&str] = &["memory", "parallel", "random"];
+
+/// Every source of these folders of the repository: its path inside of the folder, and the file.
+fn inside_of(folders: &[&str]) -> Vec<(PathBuf, PathBuf)> {
+    let mut out = Vec::new();
+    for folder in folders {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+        let mut files = Vec::new();
+        sources(&root, &mut files);
+        assert!(files.len() > 20, "found only {} files in {folder}", files.len());
+        out.extend(files.into_iter().map(|f| (f.strip_prefix(&root).unwrap().to_owned(), f)));
+    }
+    out
+}
 
 fn sources(dir: &Path, out: &mut Vec<PathBuf>) {
     let mut entries: Vec<PathBuf> = fs::read_dir(dir).unwrap().map(|e| e.unwrap().path()).collect();
@@ -108,24 +126,19 @@ fn used(text: &str) -> Vec<String> {
 
 #[test]
 fn no_module_uses_one_above_it() {
-    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = Vec::new();
-    sources(&src, &mut files);
-    assert!(files.len() > 20, "found only {} files", files.len());
     let mut wrong = Vec::new();
-    for f in &files {
-        let inside = f.strip_prefix(&src).unwrap();
+    for (inside, f) in &inside_of(&CRATES) {
         let first = inside.components().next().unwrap().as_os_str().to_str().unwrap();
         let module = first.strip_suffix(".rs").unwrap_or(first);
-        if module == "lib" || module == ABOVE_ALL {
+        if module == "lib" {
             continue;
         }
         let Some((_, allowed)) = LAYERS.iter().find(|l| l.0 == module) else {
             wrong.push(format!("module {module} has no layer: give it one here"));
             continue;
         };
-        for u in used(&fs::read_to_string(f).unwrap()) {
-            let is_module = u == ABOVE_ALL || LAYERS.iter().any(|l| l.0 == u);
+        for u in used(&fs::read_to_string(f).unwrap().replace("switchback_mpcc::", "crate::")) {
+            let is_module = LAYERS.iter().any(|l| l.0 == u);
             if is_module && u != module && !allowed.contains(&u.as_str()) && !BELOW_ALL.contains(&u.as_str()) {
                 wrong.push(format!("{} uses crate::{u}, which is above {module}", inside.display()));
             }
@@ -151,18 +164,15 @@ fn fesd_does_not_know_the_solver() {
 /// Threads are started in one place, where a thread that cannot be had is no error.
 #[test]
 fn threads_are_started_in_one_place() {
-    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = Vec::new();
-    sources(&src, &mut files);
     let mut wrong = Vec::new();
-    for f in &files {
+    for (inside, f) in &inside_of(&[CRATES[0], CRATES[1], CAPI]) {
         let text = fs::read_to_string(f).unwrap();
         let code: Vec<&str> =
             text.split("#[cfg(test)]").next().unwrap().lines().map(|l| l.split("//").next().unwrap_or("")).collect();
         let starts = ["thread::scope", "thread::spawn", "thread::Builder", "pthread_create"]
             .iter()
             .any(|s| code.iter().any(|l| l.contains(s)));
-        let inside = f.strip_prefix(&src).unwrap().display().to_string();
+        let inside = inside.display().to_string();
         if starts && !inside.starts_with("memory/thread/") {
             wrong.push(inside);
         }

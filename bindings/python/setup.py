@@ -1,5 +1,5 @@
 """Puts the library into the wheel: the file $SWITCHBACK_LIBRARY, else what cargo built in this repository, else, in a source
-distribution, what cargo builds of the crate in it. Source distributions hold the crate."""
+distribution, what cargo builds of the crates in it. Source distributions hold the crates."""
 
 import os
 import shutil
@@ -24,7 +24,7 @@ NAME = NAMES[{"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")]
 
 
 def build_crate() -> Path:
-    """The library, built of the crate of a source distribution; without SuiteSparse on Windows, and where SWITCHBACK_SUITESPARSE is 0."""
+    """The library, built of the crates of a source distribution; without SuiteSparse on Windows, and where SWITCHBACK_SUITESPARSE is 0."""
     target = Path(os.environ.get("CARGO_TARGET_DIR") or CRATE / "target")
     linked = os.environ.get("SWITCHBACK_SUITESPARSE", "0" if sys.platform == "win32" else "1") != "0"
     features = [] if linked else ["--no-default-features", "--features", "allocator"]
@@ -78,13 +78,15 @@ class SourceWithCrate(sdist):
         if CRATE.is_dir():
             shutil.copytree(CRATE, crate, ignore=shutil.ignore_patterns("target"))
             return
-        crate.mkdir(parents=True)
-        for name in ("Cargo.lock", "build.rs", "LICENSE", "README.md"):
-            shutil.copyfile(root / name, crate / name)
-        # the tests stay at home
-        manifest = (root / "Cargo.toml").read_text(encoding="utf-8")
-        (crate / "Cargo.toml").write_text(manifest.split("[[test]]")[0], encoding="utf-8")
-        shutil.copytree(root / "src", crate / "src")
+        for part in (".", "crates/switchback-mpcc", "crates/switchback-capi"):
+            (crate / part).mkdir(parents=True)
+            for name in ("Cargo.lock", "build.rs", "LICENSE", "README.md"):
+                if (root / part / name).is_file():
+                    shutil.copyfile(root / part / name, crate / part / name)
+            # the tests stay at home
+            manifest = (root / part / "Cargo.toml").read_text(encoding="utf-8")
+            (crate / part / "Cargo.toml").write_text(manifest.split("[[test]]")[0], encoding="utf-8")
+            shutil.copytree(root / part / "src", crate / part / "src")
 
 
 class Platform(Distribution):

@@ -8,7 +8,7 @@ sources = [GitSource("https://github.com/switchback/switchback.git", "0000000000
 
 script = raw"""
 cd ${WORKSPACE}/srcdir/switchback
-cargo build --release --locked
+cargo build --release --locked --package switchback-capi
 cmake -DPREFIX=${prefix} -DLIBDIR=lib -DBUILD_DIR=$(pwd)/target/${rust_target}/release -P cmake/install.cmake
 install_license LICENSE
 """
