@@ -170,7 +170,7 @@ check-format:
 check-lint:
 	$(PYTHON) scripts/prose.py
 	$(CARGO) clippy --workspace --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --quiet --no-deps --lib
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --quiet --no-deps
 
 # Tests of all crates, which are the default members of the workspace. Unit tests with the backend on faer in the library, which it is shipped without, as all other tests have it; they compute little and are
 # not optimised. What is in examples/ is compiled by check-lint.

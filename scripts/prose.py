@@ -18,7 +18,7 @@ LONGEST = 40
 MEAN = 20.0
 CHANGE = 15
 DANGLING = re.compile(r"(What|Which|Whether|Where|Whose|Who|Of|Those|The same|The one|The ones|It|They|This|These|That|As)\b")
-PAGES = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "fuzz/README.md", "bindings/*/README.md", "docs/*.md", "docs/dev/*.md", "docs/dev/algorithms/*.md", "docs/benchmarks/*.md"]
+PAGES = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "fuzz/README.md", "crates/*/README.md", "bindings/*/README.md", "docs/*.md", "docs/dev/*.md", "docs/dev/algorithms/*.md", "docs/benchmarks/*.md"]
 #: Ends of a word with a full stop that end no sentence.
 ABBREVIATIONS = re.compile(r"\b(e\.g|i\.e|etc|vs|cf|ch|eq|Eq|Fig|no|Dr|al|p|pp|Ch|[A-Z])\.$")
 

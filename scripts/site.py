@@ -249,7 +249,7 @@ def rust_reference(site: Path) -> None:
     text = page.read_text(encoding="utf-8")
     if cargo:
         target = Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target")
-        subprocess.run([cargo, "doc", "--quiet", "--no-deps", "--lib"], cwd=ROOT, check=True)
+        subprocess.run([cargo, "doc", "--quiet", "--no-deps"], cwd=ROOT, check=True)
         shutil.copytree(target / "doc", site / "rust_api")
         text = text.replace("RUST_API", "rust_api/switchback/index.html")
     else:

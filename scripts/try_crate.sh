@@ -1,22 +1,41 @@
 #!/bin/sh
-# usage: try_crate.sh BUILD    package the crate, and build and run tests/dependent with what is in the package, in BUILD/crate
+# usage: try_crate.sh BUILD    package the crates, and build and run programs with what is in the packages, in BUILD/crate
 #
-# Without a network: what the package depends on was fetched when the library was built.
+# tests/dependent depends on switchback and switchback-mpcc; a program in C is linked with the library that switchback-capi makes.
+# Without a network: what the packages depend on was fetched when the library was built. The packages stay in BUILD/crate/package/package.
 set -eu
-place=$1/crate
-rm -rf "$place/switchback" "$place/dependent"
-mkdir -p "$place"
-cargo package --quiet --offline --no-verify --allow-dirty --target-dir "$place/package"
-name=$(sed -n 's/^version = "\(.*\)"/switchback-\1/p' Cargo.toml | head -1)
-tar -xzf "$place/package/package/$name.crate" -C "$place"
-mv "$place/$name" "$place/switchback"
-size=$(wc -c < "$place/package/package/$name.crate")
-# crates.io takes 10 MB; tests, bindings or their data in the package would be seen here
-[ "$size" -lt 3000000 ] || { echo "the package has $size bytes"; exit 1; }
-for stray in tests bindings capi_tests examples benches fuzz scripts; do
-    [ ! -e "$place/switchback/$stray" ] || { echo "$stray is in the package"; exit 1; }
+place=$(realpath "$1")/crate
+packages=$place/package/package
+version=$(sed -n 's/^version *= *"\(.*\)"/\1/p' Cargo.toml | head -n 1)
+rm -rf "$place/unpacked" "$place/dependent" "$packages"
+mkdir -p "$place/unpacked"
+cargo package --quiet --workspace --offline --no-verify --allow-dirty --target-dir "$place/package"
+for name in switchback switchback-mpcc switchback-capi; do
+    tar -xzf "$packages/$name-$version.crate" -C "$place/unpacked"
+    mv "$place/unpacked/$name-$version" "$place/unpacked/$name"
+    size=$(wc -c < "$packages/$name-$version.crate")
+    # crates.io takes 10 MB; tests, bindings or their data in a package would be seen here
+    [ "$size" -lt 3000000 ] || { echo "the package $name has $size bytes"; exit 1; }
+    for stray in tests bindings capi_tests benches fuzz scripts crates; do
+        [ ! -e "$place/unpacked/$name/$stray" ] || { echo "$stray is in the package $name"; exit 1; }
+    done
+    echo "$name-$version.crate: $size bytes"
 done
 cp -r tests/dependent "$place/dependent"
 cp Cargo.lock "$place/dependent/"
 # Nobody debugs it.
-CARGO_PROFILE_DEV_DEBUG=0 CARGO_TARGET_DIR=$place/target cargo run --quiet --offline --manifest-path "$place/dependent/Cargo.toml"
+export CARGO_PROFILE_DEV_DEBUG=0 CARGO_TARGET_DIR="$place/target"
+cargo run --quiet --offline --manifest-path "$place/dependent/Cargo.toml"
+# Programs get neither C symbols nor an allocator.
+if nm "$place/target/debug/dependent" | grep -E ' T swb_|switchback_mpcc6memory9allocator'; then
+    echo "a program that depends on the crate has symbols of the C interface, or its allocator"
+    exit 1
+fi
+# The C interface is built with the same settings, of the packages alone.
+cp Cargo.lock "$place/unpacked/switchback-capi/"
+cargo build --quiet --offline --manifest-path "$place/unpacked/switchback-capi/Cargo.toml" --config profile.dev.opt-level=0 \
+    --config "patch.crates-io.switchback.path='$place/unpacked/switchback'" \
+    --config "patch.crates-io.switchback-mpcc.path='$place/unpacked/switchback-mpcc'"
+cc -Wall -Werror -I"$place/unpacked/switchback-capi/include" examples/c/friction.c -o "$place/friction" \
+    -L"$place/target/debug" -lswitchback -Wl,-rpath,"$place/target/debug" -lm
+"$place/friction" "$place"

@@ -49,8 +49,8 @@
 //! made of; they change without notice.
 //!
 //! The build needs the libraries LDL and AMD of SuiteSparse (Debian: `libsuitesparse-dev`), unless the feature
-//! `suitesparse`, which is on by default, is left out. The C interface is in the
-//! same crate: build scripts of crates that depend on this one find its header in `DEP_SWITCHBACK_INCLUDE`.
+//! `suitesparse`, which is on by default, is left out. The solver of programs with complementarity constraints alone is the crate
+//! `switchback-mpcc`, and the C interface is the crate `switchback-capi`: this one has no C symbols.
 //!
 //! Equation and section numbers in brackets are those of A. Nurkanović, *Numerical Methods for Optimal Control of
 //! Nonsmooth Dynamical Systems* (PhD thesis, Freiburg 2023). docs/dev/architecture.md has the layers.

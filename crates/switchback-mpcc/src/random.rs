@@ -10,6 +10,7 @@ impl SplitMix64 {
     }
 
     /// The next number in [0, 1).
+    #[inline]
     pub fn share(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;

@@ -1,10 +1,13 @@
-//! What a user of the crate writes first: a model of expressions, a simulation, an optimal control problem, documents.
+//! What users of the crates write first: a model of expressions, a simulation, an optimal control problem; and a program with a pair.
 
 use std::sync::Arc;
 
 use switchback::event::{Kind, Options};
 use switchback::settings::RkFamily;
 use switchback::{simulate, Error, Graph, Model, Ocp, Outcome, Settings, SolveControl};
+use switchback_mpcc::mpcc::{Lifted, Member};
+use switchback_mpcc::nlp::{Bounds, CallbackNlp};
+use switchback_mpcc::{Callback, Dims, MpccSettings, MpccSolver};
 
 fn main() -> switchback::Result<()> {
     // A mass with dry friction: x' = v, v' = u - 0.3 sign(v).
@@ -35,6 +38,24 @@ fn main() -> switchback::Result<()> {
     let exact = 0.5 * (1.0 / spread + 2.0 * 0.3 * 0.3);
     assert!((answer.cost - exact).abs() < 1e-8 * exact, "cost {}, exact {exact}", answer.cost);
 
-    println!("switchback {}: t = {:.12}, cost = {:.12}", env!("SWITCHBACK"), stick.t, answer.cost);
+    println!("t = {:.12}, cost = {:.12}", stick.t, answer.cost);
+    pair()
+}
+
+/// min (x - 1)² + (y - 2)² with 0 ≤ x ⊥ y ≥ 0: the better branch has y = 2.
+fn pair() -> switchback_mpcc::Result<()> {
+    let cost = Callback::new("cost", Dims { x: 2, u: 0, p: 0 }, 1, |at, out| {
+        out[0] = (at.x[0] - 1.0).powi(2) + (at.x[1] - 2.0).powi(2);
+        0
+    });
+    let program = CallbackNlp::new(2, 0, Arc::new(cost), None)?;
+    let mut problem = Lifted::new(program, &[(Member::Variable(0), Member::Variable(1))])?;
+    let bounds = problem.bounds(&Bounds { xl: vec![0.0; 2], ..Bounds::free(2, 0) })?;
+    let start = problem.start(&[0.5, 0.5]);
+    let mut solver = MpccSolver::new(&mut problem, MpccSettings::default())?;
+    let answer = solver.solve(&mut problem, &bounds, &start, &mut SolveControl::default());
+    assert_eq!(answer.outcome, Outcome::Solved);
+    assert!(answer.x[0] == 0.0 && (answer.x[1] - 2.0).abs() < 1e-6, "{:?}", answer.x);
+    println!("x = {:?}", answer.x);
     Ok(())
 }

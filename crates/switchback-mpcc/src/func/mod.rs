@@ -34,10 +34,12 @@ pub struct Dims {
 
 impl Dims {
     /// Columns of the derivative patterns: `x`, `u`, `p`, then `t`.
+    #[inline]
     pub fn n_in(&self) -> usize {
         self.x + self.u + self.p + 1
     }
     /// Column of the time.
+    #[inline]
     pub fn t_col(&self) -> usize {
         self.x + self.u + self.p
     }

@@ -162,46 +162,55 @@ impl Pattern {
     }
 
     /// Number of rows.
+    #[inline]
     pub fn n_rows(&self) -> usize {
         self.n_rows
     }
 
     /// Number of columns.
+    #[inline]
     pub fn n_cols(&self) -> usize {
         self.n_cols
     }
 
     /// Number of positions (stored entries).
+    #[inline]
     pub fn nnz(&self) -> usize {
         self.row_idx.len()
     }
 
     /// Column pointers, `n_cols + 1` of them.
+    #[inline]
     pub fn col_ptr(&self) -> &[usize] {
         &self.col_ptr
     }
 
     /// Row of every position, `nnz` of them.
+    #[inline]
     pub fn row_idx(&self) -> &[usize] {
         &self.row_idx
     }
 
     /// Rows of column `j`, increasing. Panics for `j >= n_cols`.
+    #[inline]
     pub fn rows(&self, j: usize) -> &[usize] {
         &self.row_idx[self.col_ptr[j]..self.col_ptr[j + 1]]
     }
 
     /// Positions of column `j`. Panics for `j >= n_cols`.
+    #[inline]
     pub fn range(&self, j: usize) -> Range<usize> {
         self.col_ptr[j]..self.col_ptr[j + 1]
     }
 
     /// Whether the matrix is square with every entry on or above the diagonal.
+    #[inline]
     pub fn is_upper(&self) -> bool {
         self.n_rows == self.n_cols && (0..self.n_cols).all(|j| self.rows(j).last().is_none_or(|&i| i <= j))
     }
 
     /// Position of entry `(row, col)`, or `None` if it is not stored or outside the matrix.
+    #[inline]
     pub fn get(&self, row: usize, col: usize) -> Option<usize> {
         if col >= self.n_cols {
             return None;
@@ -236,6 +245,7 @@ impl Pattern {
 /// `y += alpha * A * x`, with `A` of pattern `p` and values `v` (`nnz`), `x` of `n_cols`, `y` of `n_rows`.
 ///
 /// Allocates nothing. Panics if a length is wrong.
+#[inline]
 pub fn mul_add(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64], alpha: f64) {
     assert_eq!((v.len(), x.len(), y.len()), (p.nnz(), p.n_cols, p.n_rows), "mul_add: lengths of v, x, y");
     for (w, &xj) in p.col_ptr.windows(2).zip(x) {
@@ -250,6 +260,7 @@ pub fn mul_add(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64], alpha: f64) {
 /// `y += alpha * A' * x`, with `A` of pattern `p` and values `v` (`nnz`), `x` of `n_rows`, `y` of `n_cols`.
 ///
 /// Allocates nothing. Panics if a length is wrong.
+#[inline]
 pub fn mul_add_transposed(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64], alpha: f64) {
     assert_eq!((v.len(), x.len(), y.len()), (p.nnz(), p.n_rows, p.n_cols), "mul_add_transposed: lengths of v, x, y");
     for (w, yj) in p.col_ptr.windows(2).zip(y) {
@@ -266,6 +277,7 @@ pub fn mul_add_transposed(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64], alph
 ///
 /// `v` has `nnz` entries, `x` and `y` have `n`. Entries below the diagonal must not be stored (see
 /// [`Pattern::is_upper`]): they would count twice. Allocates nothing. Panics if a length is wrong.
+#[inline]
 pub fn mul_add_symmetric_upper(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64], alpha: f64) {
     assert_eq!(p.n_rows, p.n_cols, "mul_add_symmetric_upper: a symmetric matrix is square");
     assert_eq!(

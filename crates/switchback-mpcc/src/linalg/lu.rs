@@ -106,6 +106,7 @@ impl<T: Scalar> Lu<T> {
     }
 
     /// A zero matrix of order `n` to write to.
+    #[inline]
     pub fn clear(&mut self, n: usize) -> &mut [T] {
         self.n = n;
         self.a.clear();
@@ -114,11 +115,13 @@ impl<T: Scalar> Lu<T> {
     }
 
     /// The matrix, to write to before it is factorised.
+    #[inline]
     pub fn matrix(&mut self) -> &mut [T] {
         &mut self.a
     }
 
     /// Adds to an entry, by its place in the row-major matrix.
+    #[inline]
     pub fn add(&mut self, at: usize, v: T) {
         self.a[at] = self.a[at] + v;
     }

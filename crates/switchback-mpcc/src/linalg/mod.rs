@@ -4,11 +4,17 @@
 //! backends; `kkt` adds equilibration, regularisation, inertia and iterative refinement; `lu` and `cholesky` factorise
 //! small dense matrices, `dense` has products and factors for larger ones. This layer does not know optimisation.
 
+#[doc(hidden)]
 pub mod cholesky;
 pub mod csc;
+#[doc(hidden)]
 pub mod dense;
+#[doc(hidden)]
 pub mod kkt;
 mod krylov;
+#[doc(hidden)]
 pub mod ldl;
+#[doc(hidden)]
 pub mod lu;
+#[doc(hidden)]
 pub mod sparse_lu;

@@ -101,6 +101,7 @@ impl<T: Scalar> SparseLu<T> {
     }
 
     /// The entries of the matrix, zero, to add to.
+    #[inline]
     pub fn clear(&mut self) -> &mut [T] {
         self.values.fill(T::default());
         &mut self.values

@@ -6,6 +6,7 @@ use crate::linalg::csc::Pattern;
 
 /// `v`, or the nearest end of `[lo, hi]`. Unlike [`f64::clamp`] it has a value whatever its arguments: computed ends
 /// may cross by rounding or be NaN after an underflow, and that is no reason to panic. Ends that are NaN do not count.
+#[inline]
 pub fn within(v: f64, lo: f64, hi: f64) -> f64 {
     if v < lo {
         lo
@@ -69,6 +70,7 @@ pub trait Nlp {
 }
 
 /// A point well inside an interval.
+#[inline]
 pub fn middle(lo: f64, hi: f64) -> f64 {
     match (lo.is_finite(), hi.is_finite()) {
         (true, true) => 0.5 * (lo + hi),
