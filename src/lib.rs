@@ -45,7 +45,7 @@
 //! ```
 //!
 //! Structs of options gain fields, and enumerations of outcomes may gain variants, in minor versions: end literals of
-//! options with `..Default::default()` and matches with `_`. Modules that this page does not list are the parts these are
+//! options with `..Default::default()`, and matches with `_` where the compiler asks for it. Modules that this page does not list are the parts these are
 //! made of; they change without notice.
 //!
 //! The build needs the libraries LDL and AMD of SuiteSparse (Debian: `libsuitesparse-dev`), unless the feature

@@ -40,6 +40,7 @@ fn kind(k: Kind, subsystem: usize) -> String {
         Kind::Enter => "enter_sliding",
         Kind::Leave => "leave_sliding",
         Kind::Spontaneous => "spontaneous",
+        _ => "another",
     };
     format!("{name}[{subsystem}]")
 }

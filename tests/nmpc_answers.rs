@@ -137,7 +137,7 @@ fn answer(c: &mut Nmpc, x: &[f64], [low, high]: [f64; 2], what: &str) -> (f64, F
         Source::Qp => assert_eq!(info.status, QpStatus::Solved, "{what}"),
         Source::SoftQp => assert!(matches!(info.status, QpStatus::Solved | QpStatus::Infeasible), "{what}: {info:?}"),
         Source::Tangent => assert_ne!(info.status, QpStatus::Solved, "{what}"),
-        Source::Plan | Source::Hold => {}
+        _ => {}
     }
     if x.iter().any(|v| !v.is_finite()) {
         assert!(matches!(info.source, Source::Plan | Source::Hold), "{what}: {info:?}");

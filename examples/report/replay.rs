@@ -18,6 +18,7 @@ pub fn run(path: &str) -> std::result::Result<(), String> {
         }
         Document::Simulation(s) => simulate(&s),
         Document::Ocp(mut o) => solve(&mut o),
+        _ => return Err(format!("{path}: this kind of document cannot be replayed")),
     };
     done.map_err(|e| e.to_string())
 }

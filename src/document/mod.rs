@@ -31,6 +31,7 @@ const FORMAT: &str = "switchback";
 const MAX_BYTES: usize = 256 << 20;
 
 /// What a document holds.
+#[non_exhaustive]
 pub enum Document {
     /// A model, not built yet.
     Model(Box<SavedModel>),

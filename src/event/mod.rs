@@ -111,6 +111,7 @@ impl Options {
 /// How a simulation ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Outcome {
     /// The time asked for is reached.
     #[default]
@@ -145,6 +146,7 @@ impl Outcome {
 /// What happens at a switch, by the active modes before and after (Table 6.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Kind {
     /// Modes leave the active set and others enter it.
     Cross = 0,
@@ -223,6 +225,7 @@ impl Jump {
 /// What brought an impact about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum ImpactKind {
     /// A contact closed.
     Collision = 0,

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub enum Operator {
     Neg = 0,
     Sqrt,

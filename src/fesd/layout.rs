@@ -57,6 +57,7 @@ impl Options {
 
 /// Where path constraints hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PathAt {
     /// At both ends of every control stage, with the control of that stage.
     ControlGrid,
@@ -134,6 +135,7 @@ pub struct Boundary {
 
 /// Lengths of the control stages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Durations {
     /// Given.
     #[default]

@@ -20,6 +20,7 @@ pub struct Place {
 
 /// What a row says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum RowMeaning {
     /// Right-hand side of a state, its integration, or its algebraic equation.
     Dynamics(Place, usize),
@@ -39,6 +40,7 @@ pub enum RowMeaning {
 
 /// What a variable is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum VariableMeaning {
     /// Initial value of a state.
     Initial(usize),

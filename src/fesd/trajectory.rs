@@ -39,6 +39,7 @@ pub struct Element {
 /// What happens at a switch, by the active sets before and after.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum SwitchKind {
     /// Modes leave the active set and others enter it.
     Cross = 0,

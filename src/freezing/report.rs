@@ -4,6 +4,7 @@ use std::fmt;
 
 /// What stands for a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Kind {
     /// A constant push until the gap does not close any more (8.31).
     Inelastic {

@@ -3,6 +3,7 @@
 /// What a contact does in a part of the horizon. The numbers are those of the event engine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
+#[non_exhaustive]
 pub enum ContactMode {
     /// No force.
     Open = 0,

@@ -7,6 +7,7 @@ use crate::mpcc::MpccSettings;
 /// How contact modes are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Method {
     /// From the simulated guess and the sequences next to it, and from time stepping; where none of them has a solution, from simulated
     /// shots, and then from FESD with jumps.

@@ -6,6 +6,7 @@ use crate::system::heaviside_is_better;
 
 /// Weight of a remark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum NoteKind {
     /// Something was left out, and why.
     Dropped,

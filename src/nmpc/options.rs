@@ -7,6 +7,7 @@ use crate::tableau::Family;
 /// What happens between two samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Scheme {
     /// One linearisation at the last iterate per sample (section 10.2).
     Rti = 0,
@@ -22,6 +23,7 @@ pub enum Scheme {
 /// What an iteration evaluates (Table 10.1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Level {
     /// Nothing: another initial value in the same quadratic program.
     A = 0,
@@ -40,6 +42,7 @@ pub enum Level {
 /// How quadratic programs are solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum QpMethod {
     /// States eliminated, dual active set on the prepared inverse of the Hessian.
     Condensing = 0,
@@ -48,6 +51,7 @@ pub enum QpMethod {
 /// Where a control comes from: the best that was there in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Source {
     /// The quadratic program.
     Qp = 0,

@@ -73,6 +73,7 @@ impl ActiveSetProposer for Identifier {
             ProposalKind::Rescue(k) => self.rescue(k, sides),
             ProposalKind::Improve(k) => self.improves && self.improve(k, sides),
             ProposalKind::Collapse => self.collapse(w, sides),
+            _ => false,
         }
     }
 }

@@ -93,6 +93,7 @@ const SLACK: f64 = 0.1;
 /// Where a least-squares term counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum CostAt {
     /// Integrated along the horizon.
     Running = 0,
@@ -105,6 +106,7 @@ pub enum CostAt {
 /// How the violation of a relaxed constraint is penalised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Norm {
     /// Sum of the violations, integrated where the constraint holds along the horizon: zero if the weight is large
     /// enough and the constraint can be met.

@@ -10,6 +10,7 @@ use crate::stop;
 /// What multipliers belong to. Those of constraints and bounds are positive where an upper bound is active, negative where a
 /// lower one is: raising that bound by `d` changes the optimal cost by `−d` times the multiplier, to first order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MultipliersOf {
     /// Costates `[nx]` at the start of every control stage and at the end of the horizon: derivatives of the cost that is still to
     /// come, constraints behind that time included, with respect to the state; at the end, of terminal cost and constraints.

@@ -23,6 +23,7 @@ use crate::memory::sizes;
 /// What happens where several contacts close at once; the laws differ, and which is right is a matter of the bodies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum ImpactLaw {
     /// Newton's law for all contacts at once, in one complementarity problem (Moreau).
     #[default]
@@ -33,6 +34,7 @@ pub enum ImpactLaw {
 
 /// The matrix `M(q)`.
 #[derive(Clone)]
+#[non_exhaustive]
 pub enum Inertia {
     /// The unit matrix.
     Identity,
@@ -49,6 +51,7 @@ pub enum Inertia {
 
 /// What contacts act on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Order {
     /// Velocities: mechanical systems, whose gaps are functions of coordinates.
     #[default]

@@ -57,6 +57,7 @@ pub struct Subsystem {
 
 /// What the variables `α` of an inclusion are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum SetValued {
     /// Steps of switching functions: `α_j ∈ γ(ψ_j)`.
     #[default]

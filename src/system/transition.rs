@@ -22,6 +22,7 @@ use crate::error::{Error, Result};
 /// The direction in which the guard of a transition passes zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Direction {
     /// From below: the transition happens where the guard becomes positive.
     #[default]

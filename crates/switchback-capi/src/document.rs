@@ -26,6 +26,7 @@ fn other(found: &Document, wanted: &str, reader: &str) -> Error {
         Document::Model(_) => "a model: read it with swb_model_from_json",
         Document::Simulation(_) => "a simulation: read it with swb_simulator_from_json",
         Document::Ocp(_) => "an optimal control problem: read it with swb_ocp_from_json",
+        _ => "something else",
     };
     Error::Range(format!("{reader} reads {wanted}, the document holds {what}"))
 }

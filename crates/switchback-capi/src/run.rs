@@ -114,6 +114,7 @@ impl swb_event {
             Kind::Enter => swb_event_kind::Enter,
             Kind::Leave => swb_event_kind::Leave,
             Kind::Spontaneous => swb_event_kind::Spontaneous,
+            _ => unreachable!("every kind has a number in the header"),
         };
         swb_event {
             struct_size: size_of::<swb_event>() as u64,

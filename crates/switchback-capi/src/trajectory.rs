@@ -83,6 +83,7 @@ impl swb_switch {
             SwitchKind::Cross => swb_switch_kind::Cross,
             SwitchKind::Enter => swb_switch_kind::Enter,
             SwitchKind::Leave => swb_switch_kind::Leave,
+            _ => unreachable!("every kind has a number in the header"),
         };
         swb_switch {
             struct_size: size_of::<swb_switch>() as u64,

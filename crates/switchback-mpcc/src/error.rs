@@ -7,6 +7,7 @@ use std::fmt;
 
 /// Why a call failed. The message says what to do; [`Error::code`] is the status of the C ABI.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Error {
     /// A required pointer was null.
     Null(String),

@@ -35,6 +35,7 @@ fn name(k: Kind, subsystem: usize) -> String {
         Kind::Enter => "enter_sliding",
         Kind::Leave => "leave_sliding",
         Kind::Spontaneous => "spontaneous",
+        _ => "another",
     };
     format!("{name}[{subsystem}]")
 }

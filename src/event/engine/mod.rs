@@ -58,6 +58,7 @@ const EPS: f64 = f64::EPSILON;
 const NO_TIME: f64 = 1e-11;
 /// What a call of [`Engine::step`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Progress {
     /// A step inside of a mode.
     Stepped,

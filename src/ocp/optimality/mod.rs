@@ -93,6 +93,7 @@ const NOTHING: f64 = 1e-9;
 /// What an answer is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Verdict {
     /// Not known.
     Unknown = 0,

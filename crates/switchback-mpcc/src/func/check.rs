@@ -37,6 +37,7 @@ impl Default for CheckSettings {
 
 /// What is wrong with an entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum MismatchKind {
     /// An entry of the Jacobian has the wrong value.
     Jacobian,

@@ -40,6 +40,7 @@ pub struct Local<'a> {
 /// The strongest type of stationarity (definition 2.29) for which multipliers are known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Stationarity {
     /// Strong: `ν, ξ ≥ 0` at biactive pairs.
     S = 0,
@@ -76,6 +77,7 @@ impl Stationarity {
 /// Does `d = 0` solve the linearised problem with complementarity constraints (2.29)?
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum BStationarity {
     /// No step to first order is a descent.
     Yes = 0,
@@ -100,6 +102,7 @@ impl BStationarity {
 /// What kept a certificate from saying more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Doubt {
     /// Nothing.
     #[default]

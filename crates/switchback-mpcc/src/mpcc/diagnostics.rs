@@ -21,6 +21,7 @@ pub enum Item {
 
 /// What may be wrong with a program at a point.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Warning {
     /// A row with bounds has no gradient: it cannot be influenced to first order.
     NoGradient(usize),

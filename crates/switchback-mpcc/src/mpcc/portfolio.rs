@@ -27,6 +27,7 @@ use crate::stop;
 /// How an answer was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum FoundBy {
     /// The path that the settings describe.
     #[default]

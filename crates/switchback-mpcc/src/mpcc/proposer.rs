@@ -4,6 +4,7 @@ use super::problem::Side;
 
 /// What an active set is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ProposalKind {
     /// The set that was identified has no solution: the `k`-th other one.
     Repair(usize),

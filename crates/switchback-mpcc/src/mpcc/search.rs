@@ -33,6 +33,7 @@ const MAX_ITERATIONS: usize = 150;
 
 /// How far a point is from the solution of its branch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Distance {
     /// The rows hold nearly, and no direction leads down: only the multipliers are missing.
     Close,

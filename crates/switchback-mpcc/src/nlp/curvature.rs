@@ -17,6 +17,7 @@ use crate::linalg::kkt::KktStatus;
 /// What the conditions of second order say of a point that satisfies those of first order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum SecondOrder {
     /// Sufficient conditions hold: the objective is larger at all other feasible points near by.
     StrictMinimum = 0,

@@ -6,6 +6,7 @@ use crate::stop::{self, Stop, Why};
 /// How an algorithm ended. Values ≥ 0 come with a usable point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
+#[non_exhaustive]
 pub enum Outcome {
     /// All residuals are below the tolerance.
     Solved = 0,
