@@ -9,13 +9,14 @@
 # make install   library, header, CMake and pkg-config files into PREFIX
 # make header    write what is made of options.toml of the settings, include/switchback.h, include/api.json, and from that what Python and Julia declare
 # make platforms  build for aarch64, musl, Windows, WebAssembly and macOS, and run the C tests there where this machine can; takes long
+# make release   the wheel, the source distribution and the crates of this version, in dist/, tried in empty environments; takes long
 # make release-wheel  a wheel that needs nothing of the system, and a source distribution, into build/dist
 # make fuzz      try to break the library for FUZZ_SECONDS, from SEED on; see fuzz/README.md
 # make nightly   what takes too long for every commit: the shipped library in all tests, an hour of fuzzing, every fault, the site, the wheel
 # make docs      write docs/errors.md from the tables
 # make deps      install what is missing (Debian packages, SUNDIALS, Python modules)
 # make fuzz-faults  refuse every single request for memory of every scenario once
-# make clean     remove build/, out/ and target/
+# make clean     remove build/, dist/, out/ and target/
 
 PREFIX ?= /usr/local
 LIBDIR ?= lib
@@ -27,6 +28,7 @@ JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 TARGET := $(abspath $(or $(CARGO_TARGET_DIR),target))
 BUILD := $(abspath build)
 OUT := $(abspath out)
+DIST := $(abspath dist)
 VENV := $(BUILD)/venv
 SUNDIALS := $(BUILD)/sundials
 # The profile of Cargo.toml of the library that is installed, packed and tested.
@@ -75,7 +77,7 @@ nightly:
 	$(MAKE) release-wheel
 
 clean:
-	rm -rf $(BUILD) $(OUT) $(TARGET)
+	rm -rf $(BUILD) $(DIST) $(OUT) $(TARGET)
 
 # --- the gallery ----------------------------------------------------------------------------------
 
@@ -169,6 +171,7 @@ check-format:
 
 check-lint:
 	$(PYTHON) scripts/prose.py
+	$(PYTHON) scripts/versions.py
 	$(CARGO) clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --quiet --no-deps
 
@@ -233,6 +236,15 @@ endif
 .PHONY: release-wheel
 release-wheel: deps
 	sh scripts/release_wheel.sh $(BUILD)
+
+# All that is handed out, of one version: the scripts try what they have made.
+.PHONY: release
+release: deps
+	$(PYTHON) scripts/versions.py
+	sh scripts/release_wheel.sh $(BUILD) $(DIST)
+	sh scripts/try_crate.sh $(BUILD) $(DIST)
+	cd $(DIST) && sha256sum * > $(BUILD)/SHA256SUMS && mv $(BUILD)/SHA256SUMS .
+	ls -l $(DIST)
 
 .PHONY: platforms
 platforms:

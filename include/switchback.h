@@ -47,9 +47,9 @@
 
 /* Version of this header; see swb_check_version. */
 #define SWB_VERSION_MAJOR 0
-#define SWB_VERSION_MINOR 1
+#define SWB_VERSION_MINOR 2
 #define SWB_VERSION_PATCH 0
-#define SWB_VERSION "0.1.0"
+#define SWB_VERSION "0.2.0"
 
 #ifndef SWB_API
 #define SWB_API
@@ -3994,7 +3994,7 @@ SWB_API const char *swb_status_string(int32_t status);
 SWB_API const char *swb_status_name(int32_t status);
 
 /**
- * Version of the library, such as "0.1.0". Static.
+ * Version of the library, such as "0.2.0". Static.
  */
 SWB_API const char *swb_version(void);
 

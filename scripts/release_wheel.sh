@@ -1,5 +1,5 @@
 #!/bin/sh
-# usage: release_wheel.sh BUILD    make a wheel that needs nothing of the system, and a source distribution, in BUILD/dist
+# usage: release_wheel.sh BUILD [DIST]    make a wheel that needs nothing of the system, and a source distribution, in DIST, else BUILD/dist
 #
 # The library is linked with zig, which knows the symbols of every glibc, so that it runs with that of manylinux2014 (2.17,
 # of 2012) whatever is here; without the paths of this machine in it, and stripped. auditwheel puts libldl, libamd and
@@ -12,7 +12,7 @@ build=$1
 here=$(pwd)
 pip="$build/venv/bin/pip --disable-pip-version-check"
 python="$build/venv/bin/python"
-dist="$build/dist"
+dist=${2:-$build/dist}
 glibc=${RELEASE_GLIBC:-2.17}
 triple="$(uname -m)-unknown-linux-gnu"
 

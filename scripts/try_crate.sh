@@ -1,8 +1,8 @@
 #!/bin/sh
-# usage: try_crate.sh BUILD    package the crates, and build and run programs with what is in the packages, in BUILD/crate
+# usage: try_crate.sh BUILD [DIST]    package the crates, put them into DIST if there is one, and build and run programs with what is in the packages, in BUILD/crate
 #
 # tests/dependent depends on switchback and switchback-mpcc; a program in C is linked with the library that switchback-capi makes.
-# Without a network: what the packages depend on was fetched when the library was built. The packages stay in BUILD/crate/package/package.
+# Without a network: what the packages depend on was fetched when the library was built.
 set -eu
 place=$(realpath "$1")/crate
 packages=$place/package/package
@@ -39,3 +39,4 @@ cargo build --quiet --offline --manifest-path "$place/unpacked/switchback-capi/C
 cc -Wall -Werror -I"$place/unpacked/switchback-capi/include" examples/c/friction.c -o "$place/friction" \
     -L"$place/target/debug" -lswitchback -Wl,-rpath,"$place/target/debug" -lm
 "$place/friction" "$place"
+[ -z "${2:-}" ] || for name in switchback switchback-mpcc switchback-capi; do cp "$packages/$name-$version.crate" "$2/"; done

@@ -3,7 +3,7 @@
 using BinaryBuilder
 
 name = "Switchback"
-version = v"0.1.0"
+version = v"0.2.0"
 sources = [GitSource("https://github.com/switchback/switchback.git", "0000000000000000000000000000000000000000")]
 
 script = raw"""

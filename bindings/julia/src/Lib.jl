@@ -13,7 +13,7 @@ module Lib
 const ADDRESSES = Ptr{Cvoid}[]
 address(i) = @inbounds ADDRESSES[i]
 
-const HEADER_VERSION = v"0.1.0"
+const HEADER_VERSION = v"0.2.0"
 
 # --- enumerations: plain integers, so that numbers of a newer library are no error ---
 
@@ -2471,7 +2471,7 @@ swb_status_name(status) = ccall(address(7), Cstring, (Int32,), status)
 """
     swb_version() -> Cstring
 
-Version of the library, such as \"0.1.0\". Static.
+Version of the library, such as \"0.2.0\". Static.
 """
 swb_version() = ccall(address(8), Cstring, ())
 

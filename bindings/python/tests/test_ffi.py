@@ -129,7 +129,7 @@ def test_library_of_another_version(tmp_path):
     )
     subprocess.run(["cc", "-shared", "-fPIC", source, "-o", tmp_path / "old.so"], check=True)
     done = run("import switchback_control", SWITCHBACK_LIBRARY=str(tmp_path / "old.so"))
-    assert done.returncode == 1 and "has version 0.0.7" in done.stderr and "0.1.0" in done.stderr
+    assert done.returncode == 1 and "has version 0.0.7" in done.stderr and "0.2.0" in done.stderr
 
 
 def test_where_it_comes_from():

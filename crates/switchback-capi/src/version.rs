@@ -18,7 +18,7 @@ const fn number(text: &str) -> i32 {
 const MAJOR: i32 = number(env!("CARGO_PKG_VERSION_MAJOR"));
 const MINOR: i32 = number(env!("CARGO_PKG_VERSION_MINOR"));
 
-/// Version of the library, such as "0.1.0". Static.
+/// Version of the library, such as "0.2.0". Static.
 #[no_mangle]
 pub extern "C" fn swb_version() -> *const c_char {
     concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()

@@ -127,7 +127,7 @@ from .sweep import Simulation, Sweep, sweep
 from .system import System
 from .trajectory import Switch, Trajectory
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Accumulation",

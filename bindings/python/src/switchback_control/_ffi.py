@@ -4,7 +4,7 @@
 from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int32, c_int64, c_uint64, c_void_p
 from enum import IntEnum
 
-VERSION = (0, 1, 0)
+VERSION = (0, 2, 0)
 
 
 class Names(IntEnum):
