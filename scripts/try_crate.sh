@@ -33,9 +33,12 @@ if nm "$place/target/debug/dependent" | grep -E ' T swb_|switchback_mpcc6memory9
 fi
 # The C interface is built with the same settings, of the packages alone.
 cp Cargo.lock "$place/unpacked/switchback-capi/"
+printf '\n[workspace]\n' >> "$place/unpacked/switchback-capi/Cargo.toml"
 cargo build --quiet --offline --manifest-path "$place/unpacked/switchback-capi/Cargo.toml" --config profile.dev.opt-level=0 \
     --config "patch.crates-io.switchback.path='$place/unpacked/switchback'" \
     --config "patch.crates-io.switchback-mpcc.path='$place/unpacked/switchback-mpcc'"
+# It is loaded by its soname.
+ln -sf libswitchback.so "$place/target/debug/libswitchback.so.${version%.*}"
 cc -Wall -Werror -I"$place/unpacked/switchback-capi/include" examples/c/friction.c -o "$place/friction" \
     -L"$place/target/debug" -lswitchback -Wl,-rpath,"$place/target/debug" -lm
 "$place/friction" "$place"
