@@ -43,7 +43,7 @@ type Weighted = dyn Fn(&Point, &[f64], &mut [f64], &mut [f64]) -> i32 + Send + S
 /// the columns of one colour are moved together. [`super::check_derivatives`] finds it.
 ///
 /// ```
-/// use switchback::func::{Callback, Dims, Function, Point};
+/// use switchback_mpcc::func::{Callback, Dims, Function, Point};
 ///
 /// let dims = Dims { x: 2, u: 0, p: 0 };
 /// let f = Callback::new("f", dims, 1, |at, out| {
