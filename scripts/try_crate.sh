@@ -11,7 +11,8 @@ rm -rf "$place/unpacked" "$place/dependent" "$packages"
 mkdir -p "$place/unpacked"
 cargo package --quiet --workspace --offline --no-verify --allow-dirty --target-dir "$place/package"
 for name in switchback switchback-mpcc switchback-capi; do
-    tar -xzf "$packages/$name-$version.crate" -C "$place/unpacked"
+    # as new: what is in a package has one date, and cargo builds by dates
+    tar -xzmf "$packages/$name-$version.crate" -C "$place/unpacked"
     mv "$place/unpacked/$name-$version" "$place/unpacked/$name"
     size=$(wc -c < "$packages/$name-$version.crate")
     # crates.io takes 10 MB; tests, bindings or their data in a package would be seen here
