@@ -289,7 +289,7 @@ impl Field {
         q0 += WATCHED * n_contacts;
         let most = n_cells.saturating_sub(subs.len());
         let entries = Entries::new(nx, dcs.drifts(), &subs).filter(|_| contacts.is_none());
-        let bundle = Bundled::new(nx, dcs.drifts(), &subs);
+        let bundle = Bundled::new(nx, dcs.drifts(), &subs, &guards);
         let fixed = Fixed::new(nx, dims.p, dims.u, dcs.drifts(), &subs);
         Field {
             nx,
@@ -382,6 +382,7 @@ impl Field {
         self.rows_known = false;
         self.dq_known = false;
         self.guards_known = false;
+        self.guards.forget();
         if let Some(c) = &mut self.contacts {
             c.forget();
         }

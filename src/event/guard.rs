@@ -17,6 +17,8 @@ pub(super) struct Guard {
     to_reset: Vec<usize>,
     /// It has passed zero, and is watched again when it has been back.
     pub(super) spent: bool,
+    /// Its gradient, which is constant, stands among the others.
+    known: bool,
 }
 
 /// All guards, and which are watched.
@@ -38,6 +40,7 @@ impl Guards {
             to_reset: t.reset.as_ref().map_or_else(Vec::new, |r| gradient_map(r, 0, dims)),
             transition: t.clone(),
             spent: false,
+            known: false,
         };
         Guards {
             all: transitions.iter().enumerate().map(guard).collect(),
@@ -71,12 +74,28 @@ impl Guards {
         Ok(())
     }
 
-    /// Gradients of those that are watched; `room` is a buffer for one of them, and work space.
-    pub(super) fn gradients(&self, at: &Point, dq: &mut [f64], room: (&mut [f64], &mut [f64])) -> EvalResult {
-        for g in self.armed.iter().map(|&i| &self.all[i]) {
-            scatter(&g.transition.guard, at, &g.to_dq, dq, (&mut *room.0, &mut *room.1))?;
+    /// Gradients of those that are watched; `room` is a buffer for one of them, and work space. Where they stay (`constant`), each is
+    /// evaluated once.
+    pub(super) fn gradients(
+        &mut self,
+        at: &Point,
+        dq: &mut [f64],
+        constant: bool,
+        room: (&mut [f64], &mut [f64]),
+    ) -> EvalResult {
+        for &i in &self.armed {
+            let g = &mut self.all[i];
+            if !(constant && g.known) {
+                scatter(&g.transition.guard, at, &g.to_dq, dq, (&mut *room.0, &mut *room.1))?;
+                g.known = true;
+            }
         }
         Ok(())
+    }
+
+    /// Parameters or controls have changed: gradients are not known any more.
+    pub(super) fn forget(&mut self) {
+        self.all.iter_mut().for_each(|g| g.known = false);
     }
 }
 
@@ -84,13 +103,21 @@ impl Guards {
 pub(super) struct Reset {
     /// The state behind it.
     pub(super) x: Vec<f64>,
-    /// Its derivatives with respect to state, parameters, controls and time before it, row-major `nx × n_z`.
+    /// Its derivatives with respect to state, parameters, controls and time before it, row-major `nx × n_z`; empty until they are
+    /// asked for.
     pub(super) jac: Vec<f64>,
+    n_z: usize,
 }
 
 impl Reset {
     pub(super) fn new(nx: usize, n_z: usize) -> Reset {
-        Reset { x: vec![0.0; nx], jac: vec![0.0; nx * n_z] }
+        Reset { x: vec![0.0; nx], jac: Vec::new(), n_z }
+    }
+
+    /// Makes room for the derivatives; all are zero.
+    pub(super) fn clear_derivatives(&mut self) {
+        self.jac.clear();
+        self.jac.resize(self.x.len() * self.n_z, 0.0);
     }
 
     /// Evaluates the reset of a transition at a point; `room` is a buffer for its Jacobian, and work space.
@@ -101,10 +128,9 @@ impl Reset {
         derivatives: bool,
         room: (&mut [f64], &mut [f64]),
     ) -> EvalResult {
-        let nx = self.x.len();
-        let n_z = self.jac.len() / nx;
+        let (nx, n_z) = (self.x.len(), self.n_z);
         if derivatives {
-            self.jac.fill(0.0);
+            self.clear_derivatives();
         }
         match &guard.transition.reset {
             Some(r) => {
@@ -115,12 +141,14 @@ impl Reset {
             }
             None => {
                 self.x.copy_from_slice(at.x);
-                (0..nx).for_each(|i| self.jac[i * n_z + i] = 1.0);
+                (0..if derivatives { nx } else { 0 }).for_each(|i| self.jac[i * n_z + i] = 1.0);
             }
         }
         for &(state, value) in &guard.transition.to {
             self.x[state] = value;
-            self.jac[state * n_z..(state + 1) * n_z].fill(0.0);
+            if derivatives {
+                self.jac[state * n_z..(state + 1) * n_z].fill(0.0);
+            }
         }
         Ok(())
     }

@@ -21,6 +21,7 @@ mod step_equilibration;
 mod stepping;
 mod switching;
 mod tutorial_ocp;
+mod units;
 
 use crate::json::Object;
 use crate::Context;
@@ -38,6 +39,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("oscillator", oscillator::run),
     ("sim", sim::run),
     ("automata", automata::run),
+    ("units", units::run),
     ("switching", switching::run),
     ("tutorial-ocp", tutorial_ocp::run),
     ("sliding-ocp", sliding_ocp::run),

@@ -183,6 +183,9 @@ impl Engine {
     ) -> std::result::Result<Option<bool>, EvalError> {
         let mut after = std::mem::take(&mut self.scene.after);
         after.clone_from(&self.x);
+        if recorded {
+            self.reset.clear_derivatives();
+        }
         let jac = &mut self.reset.jac;
         let r = self.field.with_contacts(self.t, &self.x, |c, at, _| {
             let sizes = &c.sizes;

@@ -297,12 +297,16 @@ impl Engine {
     fn acts(&mut self, l: usize) -> std::result::Result<Option<(usize, bool)>, EvalError> {
         let w = self.watches[l];
         let Watch::Guard { guard, back: false, .. } = w else { return Ok(None) };
-        let (value, rate, tol, slow) = self.standing(&w);
+        let value = w.value(&self.q0, &self.field);
         if self.is_level(&w, value) {
             // rounding: it has happened, or happens with what vanished here
             return Ok(w.place().filter(|a| self.is_due(*a)).map(|_| (guard, false)));
         }
-        let acts = value < -tol || value <= tol && rate < -slow && -rate > self.rate_noise(&w)?;
+        let (scale, rate) = w.scale_and_rate(&self.dq0, &self.field, (self.t, &self.x), &self.f);
+        let tol = (64.0 * EPS * scale.value).max(8.0 * EPS * rate.abs() * self.t.abs());
+        let acts = value < -tol
+            // all states are asked how fast they are where a guard is at zero only
+            || value <= tol && rate < -1e-9 * scale.reach * self.field.pace(&self.x, &self.f) && -rate > self.rate_noise(&w)?;
         Ok(acts.then_some((guard, value >= -tol)))
     }
 
@@ -367,15 +371,6 @@ impl Engine {
             0.0 => Ok(self.acts(l)?.is_some()),
             level => self.falls_ahead(l, level),
         }
-    }
-
-    /// Value and rate of a watched guard at the present point, and what is rounding of each.
-    fn standing(&self, w: &Watch) -> (f64, f64, f64, f64) {
-        let value = w.value(&self.q0, &self.field);
-        let rate = w.rate(&self.dq0, &self.field, &self.f);
-        let scale = w.scale(&self.dq0, &self.field, self.t, &self.x);
-        let tol = (64.0 * EPS * scale.value).max(8.0 * EPS * rate.abs() * self.t.abs());
-        (value, rate, tol, 1e-9 * scale.reach * self.field.pace(&self.x, &self.f))
     }
 
     /// Discrete states stand still but for transitions.

@@ -2,6 +2,7 @@
 
 use super::{Field, Sliding, Sub};
 use crate::dcs::Drift;
+use crate::event::guard::Guards;
 use crate::event::sets;
 use crate::func::{Bundle, Function, PartList, Point};
 
@@ -32,13 +33,15 @@ pub(super) struct Bundled {
     firsts: Vec<(u32, u32)>,
     others: Vec<(u32, u32, u32)>,
     indicators: PartList,
+    /// The guards of all discrete states.
+    guards: PartList,
     /// Room for the values of parts.
     room: Vec<f64>,
 }
 
 impl Bundled {
     /// None where the functions do not allow for it, or there are few of them.
-    pub(super) fn new(nx: usize, drifts: &[Drift], subs: &[Sub]) -> Option<Bundled> {
+    pub(super) fn new(nx: usize, drifts: &[Drift], subs: &[Sub], guards: &Guards) -> Option<Bundled> {
         if subs.len() < FEWEST && nx < MANY_STATES {
             return None;
         }
@@ -57,6 +60,8 @@ impl Bundled {
         }
         let indicators = parts.len();
         parts.extend(subs.iter().map(|s| (s.indicators.as_ref(), 0..s.n_q)));
+        let first_guard = parts.len();
+        parts.extend(guards.all.iter().map(|g| (g.transition.guard.as_ref(), 0..1)));
         let program = parts.first()?.0.bundle(&parts)?;
         let drift_rows: Vec<usize> = drifts.iter().flat_map(|d| d.rows.iter().copied()).collect();
         let mut cells = 0;
@@ -81,11 +86,14 @@ impl Bundled {
             firsts: Vec::new(),
             others: Vec::new(),
             indicators: PartList::default(),
+            guards: PartList::default(),
             program,
         };
         b.list_drifts(singles, drifts);
         let mut all = subs.iter().enumerate().map(|(k, s)| (indicators + k, s.q0));
         b.program.list(&mut all, &mut b.indicators);
+        let mut all = guards.all.iter().enumerate().map(|(i, g)| (first_guard + i, g.q));
+        b.program.list(&mut all, &mut b.guards);
         Some(b)
     }
 
@@ -281,6 +289,13 @@ impl Field {
         let (first, second) = (along(b, &self.subs, k, pair.base), along(b, &self.subs, k, pair.cell));
         let alpha = -(rate + first) / (second - first);
         (finite && alpha.is_finite()).then_some(if cell == pair.cell { alpha } else { 1.0 - alpha })
+    }
+
+    /// All guards, also of other discrete states.
+    pub(super) fn bundled_guards(&mut self, t: f64, x: &[f64]) -> bool {
+        let Some(b) = &mut self.bundle else { return false };
+        b.program.move_to(&Point { t, x, u: &self.u, p: &self.p });
+        b.program.evaluate_list(&b.guards, &mut self.q)
     }
 
     /// All indicator functions.

@@ -201,7 +201,7 @@ impl Field {
     /// The same where the indicator functions are known at this point.
     #[inline]
     pub(in crate::event) fn watched_beside(&mut self, t: f64, x: &[f64]) -> EvalResult {
-        if self.guards.armed.is_empty() {
+        if self.guards.armed.is_empty() || self.bundled_guards(t, x) {
             return Ok(());
         }
         let at = Point { t, x, u: &self.u, p: &self.p };
@@ -219,7 +219,8 @@ impl Field {
             return Ok(());
         }
         let at = Point { t, x, u: &self.u, p: &self.p };
-        self.guards.gradients(&at, &mut self.dq, (&mut self.buffer, &mut self.work))?;
+        let room = (&mut self.buffer[..], &mut self.work[..]);
+        self.guards.gradients(&at, &mut self.dq, self.dq_constant, room)?;
         self.guards_known = true;
         Ok(())
     }
