@@ -45,7 +45,7 @@ fn ball() -> System {
         guard: function(&g, d, &[g.x(0)]),
         direction: Falling,
         from: vec![],
-        reset: Some(function(&g, d, &[g.x(0), -g.p(0) * g.x(1)])),
+        reset: Some(function(&g, d, &[g.x(0), -g.p(0) * g.x(1)]).into()),
         to: vec![],
     })
     .unwrap();
@@ -115,7 +115,7 @@ fn table() -> System {
         guard: function(&g, d, &[g.x(0) - at]),
         direction: Falling,
         from: vec![],
-        reset: Some(function(&g, d, &[g.x(0), -e * g.x(1) + (1.0 + e) * speed])),
+        reset: Some(function(&g, d, &[g.x(0), -e * g.x(1) + (1.0 + e) * speed]).into()),
         to: vec![],
     })
     .unwrap();
@@ -200,7 +200,7 @@ fn everything() -> System {
         guard: function(&g, d, &[q - 0.4 * g.p(1) - 0.1 * (3.0 * g.t()).sin() * g.u(0)]),
         direction: Rising,
         from: vec![(2, 0.0)],
-        reset: Some(kick),
+        reset: Some(kick.into()),
         to: vec![(2, 1.0)],
     })
     .unwrap();
@@ -303,7 +303,7 @@ fn counter(guard: impl Fn(&Graph) -> Expr, direction: Direction) -> System {
     let (g, d) = (Graph::new(), Dims { x: 2, u: 1, p: 0 });
     let mut s = System::new(2, 1, 0).unwrap();
     s.set_f0(function(&g, d, &[g.constant(1.0), g.constant(0.0)])).unwrap();
-    let reset = Some(function(&g, d, &[g.x(0), g.x(1) + 1.0]));
+    let reset = Some(function(&g, d, &[g.x(0), g.x(1) + 1.0]).into());
     s.add_transition(Transition { guard: function(&g, d, &[guard(&g)]), direction, from: vec![], reset, to: vec![] })
         .unwrap();
     s
@@ -408,7 +408,7 @@ fn what_makes_no_sense_is_refused() {
         (make(vec![(2, 0.0)], vec![(0, 1.0)]), "names the state 2"),
         (make(vec![(1, f64::NAN)], vec![(1, 1.0)]), "NaN"),
         (make(vec![], vec![(1, 1.0), (1, 2.0)]), "twice"),
-        (Transition { reset: Some(guard()), ..make(vec![], vec![]) }, "outputs"),
+        (Transition { reset: Some(guard().into()), ..make(vec![], vec![]) }, "outputs"),
         (Transition { guard: function(&g, d, &[g.x(0), g.x(1)]), ..make(vec![], vec![(1, 1.0)]) }, "outputs"),
     ] {
         let e = s.add_transition(t).unwrap_err().to_string();

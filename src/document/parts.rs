@@ -12,7 +12,7 @@ use crate::memory::sizes::check as sizes;
 use crate::model::{SavedDirection, SavedValue};
 use crate::ocp::Linear;
 use crate::settings::{Settings, Value, OPTIONS};
-use crate::system::{Inclusion, Regions, SetValued, SharedFunction, Subsystem, System, Transition};
+use crate::system::{Inclusion, Regions, Reset, SetValued, SharedFunction, Subsystem, System, Transition};
 
 /// Numbers of which some may be infinite, which JSON writes as text.
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -172,6 +172,9 @@ struct SavedTransition {
     from: Vec<SavedValue>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     reset: Option<SavedFunction>,
+    /// States that the reset moves; none: all.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    reset_states: Vec<usize>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     to: Vec<SavedValue>,
 }
@@ -229,7 +232,8 @@ impl SavedSystem {
                 guard: SavedFunction::new(&t.guard)?,
                 direction: t.direction.into(),
                 from: SavedValue::list(&t.from),
-                reset: t.reset.as_ref().map(SavedFunction::new).transpose()?,
+                reset: t.reset.as_ref().map(|r| SavedFunction::new(&r.f)).transpose()?,
+                reset_states: t.reset.iter().filter(|r| r.rows.len() < d.x).flat_map(|r| r.rows.clone()).collect(),
                 to: SavedValue::list(&t.to),
             })
         };
@@ -274,7 +278,11 @@ impl SavedSystem {
                 guard: t.guard.restore(supplied)?,
                 direction: t.direction.into(),
                 from: SavedValue::values(&t.from),
-                reset: t.reset.as_ref().map(|r| r.restore(supplied)).transpose()?,
+                reset: match &t.reset {
+                    Some(r) if t.reset_states.is_empty() => Some(r.restore(supplied)?.into()),
+                    Some(r) => Some(Reset { rows: t.reset_states.clone(), f: r.restore(supplied)? }),
+                    None => None,
+                },
                 to: SavedValue::values(&t.to),
             })?;
         }

@@ -278,7 +278,7 @@ impl Field {
             });
             owner.resize(subs[0].cells.len(), 0);
         }
-        transitions.iter().flat_map(|t| t.reset.iter().chain([&t.guard])).for_each(|f| note(f.as_ref()));
+        transitions.iter().flat_map(|t| t.reset.iter().map(|r| &r.f).chain([&t.guard])).for_each(|f| note(f.as_ref()));
         let guards = Guards::new(transitions, q0, &dims, &mut gradients);
         q0 += transitions.len();
         let (n_cells, n_z) = (owner.len(), nx + dims.p + dims.u + 1);
@@ -683,15 +683,15 @@ impl Field {
     }
 }
 
-/// Where the entries of the Jacobian of a function go: rows from `q0` on, with the columns `x`, `p`, `u`, `t`.
-pub(super) fn gradient_map(f: &SharedFunction, q0: usize, dims: &Dims) -> Vec<usize> {
+/// Where the entries of the Jacobian of a function go: these rows, with the columns `x`, `p`, `u`, `t`.
+pub(super) fn gradient_map(f: &SharedFunction, rows: &[usize], dims: &Dims) -> Vec<usize> {
     let column = Columns { nx: dims.x, nu: dims.u, np: dims.p };
     let (p, n_z) = (f.jac_pattern(), dims.x + dims.p + dims.u + 1);
     let mut map = vec![0; p.nnz()];
     for col in 0..p.n_cols() {
         let to = column.of(col);
         for k in p.range(col) {
-            map[k] = (q0 + p.row_idx()[k]) * n_z + to;
+            map[k] = rows[p.row_idx()[k]] * n_z + to;
         }
     }
     map

@@ -37,7 +37,7 @@ impl Guards {
             q: q0 + i,
             affine: t.guard.hess_pattern().nnz() == 0,
             to_dq: gradients.push(t.guard.jac_pattern(), dims),
-            to_reset: t.reset.as_ref().map_or_else(Vec::new, |r| gradient_map(r, 0, dims)),
+            to_reset: t.reset.as_ref().map_or_else(Vec::new, |r| gradient_map(&r.f, &r.rows, dims)),
             transition: t.clone(),
             spent: false,
             known: false,
@@ -132,16 +132,14 @@ impl Reset {
         if derivatives {
             self.clear_derivatives();
         }
-        match &guard.transition.reset {
-            Some(r) => {
-                r.value(at, &mut self.x, room.1)?;
-                if derivatives {
-                    scatter(r, at, &guard.to_reset, &mut self.jac, room)?;
-                }
-            }
-            None => {
-                self.x.copy_from_slice(at.x);
-                (0..if derivatives { nx } else { 0 }).for_each(|i| self.jac[i * n_z + i] = 1.0);
+        self.x.copy_from_slice(at.x);
+        (0..if derivatives { nx } else { 0 }).for_each(|i| self.jac[i * n_z + i] = 1.0);
+        if let Some(r) = &guard.transition.reset {
+            r.f.value(at, &mut room.0[..r.rows.len()], room.1)?;
+            r.rows.iter().zip(&*room.0).for_each(|(i, v)| self.x[*i] = *v);
+            if derivatives {
+                r.rows.iter().for_each(|i| self.jac[i * n_z + i] = 0.0);
+                scatter(&r.f, at, &guard.to_reset, &mut self.jac, room)?;
             }
         }
         for &(state, value) in &guard.transition.to {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{Built, Model};
 use crate::error::{finite, Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, Id};
-use crate::system::{Direction, SharedFunction, Transition as Made};
+use crate::system::{Direction, Reset, Transition as Made};
 
 /// A jump of the state where a guard passes zero, see [`crate::system::Transition`]; guard and reset are expressions.
 #[derive(Debug, Clone, PartialEq)]
@@ -178,22 +178,21 @@ impl Built {
         let guard = function(dag, &format!("guard{k}"), &[watched])?;
         let mut reset = None;
         if !t.reset.is_empty() {
-            let mut all = dag.inputs(Block::X, nx);
-            for &(state, id) in &t.reset {
-                all[state] = id;
-            }
-            reset = Some(function(dag, &format!("reset{k}"), &all)?);
+            let mut moved = t.reset.clone();
+            moved.sort_unstable_by_key(|r| r.0);
+            let (rows, ids): (Vec<usize>, Vec<Id>) = moved.into_iter().unzip();
+            reset = Some((rows, function(dag, &format!("reset{k}"), &ids)?));
         }
         let made = Made {
             guard: guard.clone(),
             direction: t.direction,
             from: t.from.clone(),
-            reset: reset.clone().map(|r| r as SharedFunction),
+            reset: reset.clone().map(|(rows, f)| Reset { rows, f }),
             to: t.to.clone(),
         };
         self.system.add_transition(made)?;
         self.functions.push(guard);
-        self.functions.extend(reset);
+        self.functions.extend(reset.map(|r| r.1));
         self.report.transitions.push(self.transition_text(dag, &t));
         self.change_source(|saved| saved.add_transition(dag, &t));
         self.transitions.push(t);

@@ -1,9 +1,9 @@
 //! A system as part of one with more states, controls or parameters.
 
-use super::terms::{combination, Places, Stack};
+use super::terms::{Places, Stack};
 use crate::error::Result;
 use crate::func::Dims;
-use crate::system::{Inclusion, Regions, SharedFunction, Subsystem, System, Transition};
+use crate::system::{Inclusion, Regions, Reset, SharedFunction, Subsystem, System, Transition};
 
 /// Where the inputs of functions of sizes `from` are among inputs of sizes `to`.
 pub(super) struct Rewire {
@@ -86,11 +86,10 @@ impl Rewire {
     /// A transition of the old system as one of the new: the states in front stay as they are.
     fn transition(&self, t: &Transition) -> Transition {
         let values = |list: &[(usize, f64)]| list.iter().map(|&(i, v)| (i + self.first, v)).collect();
-        let reset = t.reset.as_ref().map(|r| {
-            let kept = combination("kept", self.to, (0..self.first).map(|i| vec![(i, 1.0)]).collect());
-            let all = || (0..self.to.n_in()).collect::<Vec<usize>>();
-            Stack::of(r.name(), self.to, vec![(kept, all()), (self.function(r), all())])
-        });
+        let reset = t
+            .reset
+            .as_ref()
+            .map(|r| Reset { rows: r.rows.iter().map(|i| i + self.first).collect(), f: self.function(&r.f) });
         let guard = self.function(&t.guard);
         Transition { guard, direction: t.direction, from: values(&t.from), reset, to: values(&t.to) }
     }

@@ -22,7 +22,7 @@ use crate::memory::sizes;
 pub use contact::{Contact, ImpactLaw, Inertia, Local, Mechanics, Order, Projection};
 pub use on_demand::{OnDemand, Signed};
 pub use smoothed::Widths;
-pub use transition::{Direction, Transition};
+pub use transition::{Direction, Reset, Transition};
 
 /// A function that may be shared by models and threads.
 pub type SharedFunction = Arc<dyn Function>;
@@ -327,7 +327,7 @@ impl System {
             let (Regions::Signs { psi: regions, .. } | Regions::Indicators(regions)) = &s.regions;
             is(&s.modes) || is(regions)
         };
-        let transition = |t: &Transition| is(&t.guard) || t.reset.as_ref().is_some_and(is);
+        let transition = |t: &Transition| is(&t.guard) || t.reset.as_ref().is_some_and(|r| is(&r.f));
         self.transitions.iter().any(transition)
             || self.f0.iter().chain(&self.algebraic).any(is)
             || self.subsystems.iter().any(subsystem)

@@ -16,8 +16,12 @@
 //!   ψ has been back on the other side.
 //! - Of several that happen at one time the one that was added first comes first; the others follow if they still hold.
 
+use std::sync::Arc;
+
 use super::{SharedFunction, System};
 use crate::error::{Error, Result};
+use crate::func::{Dims, EvalResult, Function, Point};
+use crate::linalg::csc::Pattern;
 
 /// The direction in which the guard of a transition passes zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -50,10 +54,108 @@ pub struct Transition {
     pub direction: Direction,
     /// Discrete states and the values they must have for the transition to be watched.
     pub from: Vec<(usize, f64)>,
-    /// The state behind the jump, one output for every state; none: the state stays as it is, up to `to`.
-    pub reset: Option<SharedFunction>,
+    /// States that jump, and what they become; none: the state stays as it is, up to `to`.
+    pub reset: Option<Reset>,
     /// Discrete states and the values they have behind the jump.
     pub to: Vec<(usize, f64)>,
+}
+
+/// What a transition makes of some states: the others stay as they are.
+#[derive(Clone)]
+pub struct Reset {
+    /// States that jump, ascending.
+    pub rows: Vec<usize>,
+    /// What they become, one output for each, of the state before.
+    pub f: SharedFunction,
+}
+
+impl From<SharedFunction> for Reset {
+    /// Of all states.
+    fn from(f: SharedFunction) -> Reset {
+        Reset { rows: (0..f.dims().x).collect(), f }
+    }
+}
+
+impl Reset {
+    /// The same as a function with one output for every state.
+    pub fn whole(&self) -> SharedFunction {
+        let nx = self.f.dims().x;
+        if self.rows.len() == nx {
+            return self.f.clone();
+        }
+        Arc::new(Whole::new(self))
+    }
+}
+
+/// A reset of some states with the others, which stay as they are.
+struct Whole {
+    reset: Reset,
+    /// The places among all entries of those of the reset, and of the ones.
+    jac: Pattern,
+    places: Vec<usize>,
+    ones: Vec<usize>,
+}
+
+impl Whole {
+    fn new(reset: &Reset) -> Whole {
+        let (dims, p) = (reset.f.dims(), reset.f.jac_pattern());
+        let own = (0..p.n_cols()).flat_map(|c| p.rows(c).iter().map(move |r| (reset.rows[*r], c)));
+        let stay = (0..dims.x).filter(|i| reset.rows.binary_search(i).is_err()).map(|i| (i, i));
+        let (rows, columns): (Vec<usize>, Vec<usize>) = own.chain(stay).unzip();
+        let (jac, map) = Pattern::from_triplets(dims.x, dims.n_in(), &rows, &columns);
+        let (places, ones) = map.split_at(p.nnz());
+        Whole { jac, places: places.to_vec(), ones: ones.to_vec(), reset: reset.clone() }
+    }
+}
+
+impl Function for Whole {
+    fn name(&self) -> &str {
+        self.reset.f.name()
+    }
+    fn dims(&self) -> Dims {
+        self.reset.f.dims()
+    }
+    fn n_out(&self) -> usize {
+        self.dims().x
+    }
+    fn jac_pattern(&self) -> &Pattern {
+        &self.jac
+    }
+    fn hess_pattern(&self) -> &Pattern {
+        self.reset.f.hess_pattern()
+    }
+    fn work_len(&self) -> usize {
+        let f = &self.reset.f;
+        f.work_len() + f.n_out().max(f.jac_pattern().nnz())
+    }
+    fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        let (own, work) = work.split_at_mut(self.reset.f.n_out());
+        self.reset.f.value(at, own, work)?;
+        out[..at.x.len()].copy_from_slice(at.x);
+        self.reset.rows.iter().zip(own).for_each(|(i, v)| out[*i] = *v);
+        Ok(())
+    }
+    fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        let (own, work) = work.split_at_mut(self.places.len());
+        self.reset.f.jacobian(at, own, work)?;
+        self.places.iter().zip(own).for_each(|(k, v)| out[*k] = *v);
+        self.ones.iter().for_each(|k| out[*k] = 1.0);
+        Ok(())
+    }
+    fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        let (own, work) = work.split_at_mut(self.reset.f.n_out());
+        self.reset.rows.iter().zip(&mut *own).for_each(|(i, w)| *w = weights[*i]);
+        self.reset.f.hessian(at, own, out, work)
+    }
+    fn is_serial(&self) -> bool {
+        self.reset.f.is_serial()
+    }
+    fn jacobian_is_approximate(&self) -> bool {
+        self.reset.f.jacobian_is_approximate()
+    }
+    fn hessian_is_approximate(&self) -> bool {
+        self.reset.f.hessian_is_approximate()
+    }
 }
 
 impl System {
@@ -76,7 +178,16 @@ impl System {
         let k = self.transitions.len();
         self.check(t.guard.as_ref(), 1)?;
         if let Some(r) = &t.reset {
-            self.check(r.as_ref(), self.dims.x)?;
+            self.check(r.f.as_ref(), r.rows.len())?;
+            if let Some(i) = r.rows.iter().find(|i| **i >= self.dims.x) {
+                return Err(Error::Range(format!(
+                    "transition {k}: the reset names the state {i}, but there are {}",
+                    self.dims.x
+                )));
+            }
+            if r.rows.windows(2).any(|w| w[0] >= w[1]) {
+                return Err(Error::Range(format!("transition {k}: the states of a reset ascend, each once")));
+            }
         }
         let smooth = self.dims.x - self.n_z;
         for (what, list) in [("from", &t.from), ("to", &t.to)] {

@@ -89,7 +89,7 @@ pub unsafe extern "C" fn swb_system_add_transition(
             guard: shared(guard, "guard")?,
             direction: direction_of(direction)?,
             from: values_of((from_states, n_from_states), (from_values, n_from_values), "from")?,
-            reset: if reset.is_null() { None } else { Some(shared(reset, "reset")?) },
+            reset: if reset.is_null() { None } else { Some(shared(reset, "reset")?.into()) },
             to: values_of((to_states, n_to_states), (to_values, n_to_values), "to")?,
         };
         let k = handle::with_mut(system, |s| s.add_transition(transition))?;

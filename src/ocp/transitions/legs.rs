@@ -172,7 +172,7 @@ impl Leg {
             let [lower, upper] = if p.at_once { guard_bounds(t).1 } else { [0.0; 2] };
             o.terminal.push(Terminal { f: t.guard.clone(), lower: vec![lower], upper: vec![upper] });
         }
-        if t.reset.as_ref().is_some_and(|r| knows_time(r.as_ref())) {
+        if t.reset.as_ref().is_some_and(|r| knows_time(r.f.as_ref())) {
             self.tell_time();
         }
         Ok(())

@@ -121,6 +121,7 @@ impl<'a> Program<'a> {
         match reset {
             None => equal.extend((0..d.x).filter(|i| !is_discrete(i)).map(|i| (end + i, start + i))),
             Some(r) => {
+                let r = r.whole();
                 // r(x, u, p, t) - x behind; discrete states have their values
                 let both = Dims { x: 2 * d.x, ..d };
                 let columns = Places { x: 0, u: 2 * d.x, p: 2 * d.x + d.u }.columns(d, both);
