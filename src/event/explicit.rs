@@ -3,7 +3,44 @@
 use super::field::Field;
 use super::pairs::{bs3, dop853, dp5, Row, Rows};
 use super::step::{Stages, Step};
-use crate::func::EvalResult;
+use crate::func::{EvalError, EvalResult};
+
+/// What a pair integrates: the velocity of some states.
+pub(super) trait Flow {
+    /// The velocity; `room` is for those that have none of their own.
+    fn velocity<'a>(&'a mut self, t: f64, x: &[f64], room: &'a mut [f64]) -> std::result::Result<&'a [f64], EvalError>;
+    /// Writes it.
+    fn write_velocity(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult;
+    /// The stages of a step begin, or have ended.
+    fn begin_stages(&mut self) {}
+    /// See [`Flow::begin_stages`].
+    fn end_stages(&mut self) {}
+    /// Stage `i` has been evaluated.
+    fn keep_stage(&mut self, _i: usize) {}
+}
+
+impl Flow for Field {
+    #[inline(always)]
+    fn velocity<'a>(&'a mut self, t: f64, x: &[f64], room: &'a mut [f64]) -> std::result::Result<&'a [f64], EvalError> {
+        self.rhs_view(t, x, room)
+    }
+    #[inline(always)]
+    fn write_velocity(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        self.rhs(t, x, out)
+    }
+    fn begin_stages(&mut self) {
+        Field::begin_stages(self);
+    }
+    fn end_stages(&mut self) {
+        Field::end_stages(self);
+    }
+    #[inline(always)]
+    fn keep_stage(&mut self, i: usize) {
+        if self.n_alg() > 0 {
+            self.trace_weights(i);
+        }
+    }
+}
 
 /// An explicit pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,19 +93,17 @@ fn dot<const M: usize>(k: &Stages, row: &Row<M>) -> f64 {
 
 /// Evaluates stage `i` at node `c`; `n` is the number of states, known when this is compiled where that is small.
 #[inline(always)]
-fn stage<const M: usize>(n: usize, field: &mut Field, s: &mut Step, i: usize, c: f64, row: &Row<M>) -> EvalResult {
+fn stage<const M: usize>(n: usize, field: &mut impl Flow, s: &mut Step, i: usize, c: f64, row: &Row<M>) -> EvalResult {
     let h = s.h;
     let k = &mut s.k[..n];
     for ((y, x), k) in s.y[..n].iter_mut().zip(&s.x0[..n]).zip(&*k) {
         *y = x + h * dot(k, row);
     }
-    let f = field.rhs_view(s.t + c * h, &s.y, &mut s.f)?;
+    let f = field.velocity(s.t + c * h, &s.y, &mut s.f)?;
     for (k, f) in k.iter_mut().zip(&f[..n]) {
         k[i] = *f;
     }
-    if field.n_alg() > 0 {
-        field.trace_weights(i);
-    }
+    field.keep_stage(i);
     Ok(())
 }
 
@@ -80,7 +115,7 @@ fn end<const M: usize>(n: usize, s: &mut Step, row: &Row<M>) {
 }
 
 /// Computes the end of a step from `x0`, `f0`.
-pub(super) fn attempt(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
+pub(super) fn attempt(pair: Pair, field: &mut impl Flow, s: &mut Step) -> EvalResult {
     field.begin_stages();
     let r = match (pair, s.x0.len()) {
         (Pair::Bs3, n) => bs3_stages(n, field, s),
@@ -98,7 +133,7 @@ pub(super) fn attempt(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult
 }
 
 #[inline(always)]
-fn bs3_stages(n: usize, field: &mut Field, s: &mut Step) -> EvalResult {
+fn bs3_stages(n: usize, field: &mut impl Flow, s: &mut Step) -> EvalResult {
     use bs3::*;
     begin(n, s);
     stage(n, field, s, 1, C[1], &A1)?;
@@ -109,7 +144,7 @@ fn bs3_stages(n: usize, field: &mut Field, s: &mut Step) -> EvalResult {
 }
 
 #[inline(always)]
-fn dp5_stages(n: usize, field: &mut Field, s: &mut Step) -> EvalResult {
+fn dp5_stages(n: usize, field: &mut impl Flow, s: &mut Step) -> EvalResult {
     use dp5::*;
     begin(n, s);
     stage(n, field, s, 1, C[1], &A1)?;
@@ -123,7 +158,7 @@ fn dp5_stages(n: usize, field: &mut Field, s: &mut Step) -> EvalResult {
 }
 
 #[inline(always)]
-fn dop853_stages(n: usize, field: &mut Field, s: &mut Step) -> EvalResult {
+fn dop853_stages(n: usize, field: &mut impl Flow, s: &mut Step) -> EvalResult {
     use dop853::*;
     begin(n, s);
     stage(n, field, s, 1, C[1], &A1)?;
@@ -151,8 +186,8 @@ fn begin(n: usize, s: &mut Step) {
 }
 
 /// Evaluates the derivative at the end.
-pub(super) fn finish(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
-    field.rhs(s.t + s.h, &s.x1, &mut s.f1)?;
+pub(super) fn finish(pair: Pair, field: &mut impl Flow, s: &mut Step) -> EvalResult {
+    field.write_velocity(s.t + s.h, &s.x1, &mut s.f1)?;
     let last = match pair {
         Pair::Bs3 => 3,
         Pair::Dp5 => 6,
@@ -162,9 +197,7 @@ pub(super) fn finish(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult 
         k[last] = *f;
     }
     s.n_k = last + 1;
-    if field.n_alg() > 0 {
-        field.trace_weights(last);
-    }
+    field.keep_stage(last);
     Ok(())
 }
 
@@ -313,7 +346,7 @@ pub(super) fn is_misjudged(pair: Pair, s: &Step, weights: &[f64]) -> bool {
 }
 
 /// Writes the dense output, after [`finish`].
-pub(super) fn dense(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
+pub(super) fn dense(pair: Pair, field: &mut impl Flow, s: &mut Step) -> EvalResult {
     let h = s.h;
     if pair == Pair::Dop853 {
         use dop853::*;

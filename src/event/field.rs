@@ -27,6 +27,7 @@ mod sliding;
 mod stages;
 mod still;
 mod supports;
+mod units;
 
 pub(super) use apart::{Apart, Known, Open};
 pub(super) use contacts::{Contacts, TO_RATE};
@@ -37,6 +38,7 @@ pub(super) use rows::Rows;
 use sliding::Sliding;
 pub(super) use stages::StagesOf;
 pub(super) use supports::{reachable, Supports};
+pub(super) use units::{Depends, Moving, Owner};
 
 use self::bundled::Bundled;
 use self::contacts::WATCHED;

@@ -74,8 +74,8 @@ impl Guards {
         Ok(())
     }
 
-    /// Gradients of those that are watched; `room` is a buffer for one of them, and work space. Where they stay (`constant`), each is
-    /// evaluated once.
+    /// Gradients of those that are watched; `room` is a buffer for one of them, and work space. Where they stay (`constant`) those of all
+    /// are evaluated once.
     pub(super) fn gradients(
         &mut self,
         at: &Point,
@@ -83,12 +83,16 @@ impl Guards {
         constant: bool,
         room: (&mut [f64], &mut [f64]),
     ) -> EvalResult {
-        for &i in &self.armed {
-            let g = &mut self.all[i];
-            if !(constant && g.known) {
+        if constant {
+            // those of other discrete states, too: they may be watched within a step
+            for g in self.all.iter_mut().filter(|g| !g.known) {
                 scatter(&g.transition.guard, at, &g.to_dq, dq, (&mut *room.0, &mut *room.1))?;
                 g.known = true;
             }
+            return Ok(());
+        }
+        for g in self.armed.iter().map(|&i| &self.all[i]) {
+            scatter(&g.transition.guard, at, &g.to_dq, dq, (&mut *room.0, &mut *room.1))?;
         }
         Ok(())
     }

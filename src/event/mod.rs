@@ -39,6 +39,7 @@
 
 mod adjoint;
 mod bernstein;
+mod calendar;
 mod collocation;
 mod contact_forces;
 mod engine;
@@ -203,6 +204,8 @@ pub struct Jump {
     pub t: f64,
     /// The transition, in the order they were added to the system.
     pub transition: usize,
+    /// The states that `before` and `after` are of, where that is not all of them: a system of many units is not stopped for what happens in one.
+    pub states: Vec<usize>,
     /// State just before.
     pub before: Vec<f64>,
     /// State just behind.

@@ -46,6 +46,15 @@ impl Step {
         }
     }
 
+    /// Makes it a step of `nx` states. No memory is given back.
+    pub(super) fn resize(&mut self, nx: usize) {
+        for v in [&mut self.x0, &mut self.f0, &mut self.x1, &mut self.f1, &mut self.y, &mut self.f] {
+            v.resize(nx, 0.0);
+        }
+        self.k.resize(nx, [0.0; 16]);
+        self.poly.resize(nx, [0.0; 8]);
+    }
+
     /// Ends the step at relative time `s` of its dense output. Its stages are those of a longer one from now on.
     pub(super) fn end_at(&mut self, s: f64) {
         self.part *= s;

@@ -326,6 +326,15 @@ impl Bundle for Program {
         self.common_known = self.common.is_empty();
     }
 
+    fn set_input(&mut self, input: usize, value: f64) {
+        self.work[input] = value;
+        self.common_known = self.common.is_empty();
+    }
+
+    fn common_operations(&self) -> usize {
+        self.common.iter().map(|(part, _)| self.parts[*part].code.len()).sum()
+    }
+
     fn evaluate(&mut self, part: usize, out: &mut [f64]) -> bool {
         self.know_common();
         let Part { code, outputs, .. } = &self.parts[part];

@@ -147,7 +147,8 @@ fn jump(r: &Record, index: i64) -> Result<&Jump> {
     found.ok_or_else(|| Error::Dimension(format!("there is no transition {index}, the run has {n}")))
 }
 
-/// The states just before and just behind a transition.
+/// The states just before and just behind a transition. Where a system of many units is not stopped for what happens in one, those that the
+/// transition does not name are NaN: dense output knows them.
 ///
 /// @param[in]  index  its place in swb_run_jumps, from 0
 /// @param[out] before [n] nx
@@ -164,9 +165,18 @@ pub unsafe extern "C" fn swb_run_jump_states(
     self::guard(|| unsafe {
         handle::with_ref(run, |r| {
             let j = jump(r, index)?;
-            raw::check_slice(after, n, j.after.len(), "after")?;
-            raw::write_slice(before, n, &j.before, "before")?;
-            raw::write_slice(after, n, &j.after, "after")
+            let all = |own: &[f64]| match j.states.is_empty() {
+                true => own.to_vec(),
+                false => {
+                    let mut all = vec![f64::NAN; r.run.x.len()];
+                    j.states.iter().zip(own).for_each(|(i, v)| all[*i] = *v);
+                    all
+                }
+            };
+            let (first, second) = (all(&j.before), all(&j.after));
+            raw::check_slice(after, n, second.len(), "after")?;
+            raw::write_slice(before, n, &first, "before")?;
+            raw::write_slice(after, n, &second, "after")
         })
     })
 }

@@ -248,6 +248,11 @@ impl Recent {
         Some(self.sources[source]).filter(|h| h.epoch == self.epoch).unwrap_or_default()
     }
 
+    /// A unit has switched by itself at time `t`.
+    pub(super) fn note_source(&mut self, source: usize, t: f64) {
+        self.sources[source].note(t, self.epoch);
+    }
+
     /// Were the last switches crossings of the same surfaces, without sliding?
     pub(super) fn are_crossings_of_one(&self, switches: usize) -> bool {
         let kind = |back: usize| self.kinds[(self.n + MEMORY - 1 - back) % MEMORY];
@@ -338,7 +343,7 @@ const SHRINKS: f64 = 0.95;
 
 /// What is left of the intervals between switches of one source, the oldest first, if they become shorter as a geometric series does. One long
 /// interval with short ones behind it is none: there it is by chance that several of them are close.
-fn rest_of_series(gaps: &[f64; MEMORY]) -> Option<f64> {
+pub(super) fn rest_of_series(gaps: &[f64; MEMORY]) -> Option<f64> {
     /// How much larger the last ratio of two intervals and the next two may be than those before it.
     const LARGER: f64 = 4.0;
     let pair = |i: usize| gaps[2 * i] + gaps[2 * i + 1];

@@ -211,6 +211,7 @@ impl Engine {
                 self.jumps.push(Jump {
                     t: self.t,
                     transition: g,
+                    states: Vec::new(),
                     before: self.x.clone(),
                     after: self.reset.x.clone(),
                     rate,

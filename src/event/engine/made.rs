@@ -12,6 +12,7 @@ use super::{Engine, Polls, EPS};
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
 use crate::event::bernstein::{Sampler, NODES};
+use crate::event::calendar::Calendar;
 use crate::event::explicit::Pair;
 use crate::event::field::{Apart, Field};
 use crate::event::guard::Reset;
@@ -94,6 +95,8 @@ impl Engine {
             w1: vec![0.0; n_w],
             suspect: vec![false; n_w],
             suspects: Vec::with_capacity(n_w),
+            zeros: Vec::new(),
+            calendar: Calendar::new(&field, &system.discrete_states()).map(Box::new),
             resting: vec![false; n_w],
             q0: vec![0.0; n_q],
             q1: vec![0.0; n_q],
@@ -204,6 +207,9 @@ impl Engine {
         self.entered = None;
         self.expected = None;
         self.late.fill(1.0);
+        if let Some(c) = &mut self.calendar {
+            c.reset();
+        }
         self.stiff.fill(Pace::Unknown);
         self.stiff_mode = false;
         self.stiff_slides.fill(false);

@@ -19,6 +19,7 @@ mod search;
 mod selection;
 mod timestepping;
 mod transition;
+mod units;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
@@ -33,6 +34,7 @@ use self::limit_set::{Origin, Shrinking};
 use self::record::Sampled;
 use self::search::Found;
 use super::bernstein::{Coefficients, Sampler};
+use super::calendar::Calendar;
 use super::explicit::Pair;
 use super::field::{Apart, Field};
 use super::guard::Reset;
@@ -123,6 +125,10 @@ pub struct Engine {
     suspect: Vec<bool>,
     /// Those among [`Engine::looked`].
     suspects: Vec<usize>,
+    /// The first zeros of all of these in the step: watch, relative time, rate.
+    zeros: Vec<(usize, f64, f64)>,
+    /// What happens in the step unit by unit, where the model can be taken apart.
+    calendar: Option<Box<Calendar>>,
     /// Zero to rounding over the whole of the last step.
     resting: Vec<bool>,
     q0: Vec<f64>,
@@ -633,6 +639,9 @@ impl Engine {
                             return Ok(self.come_to_rest()?.unwrap_or(Progress::Stepped));
                         }
                         Some(Found::Zero(l, s, slope)) => {
+                            if let Some(p) = self.follow_units(t1, grown)? {
+                                return Ok(p);
+                            }
                             let entered = self.entered.take();
                             if let Some(cell) = entered {
                                 self.first_steps[cell].allow(self.step.h);
@@ -724,6 +733,9 @@ impl Engine {
             (s.x0[i], s.f0[i]) = (self.x[i], self.f[i]);
         }
         self.dense_ready = false;
+        if let Some(c) = &mut self.calendar {
+            c.tracks.clear();
+        }
         self.radau.invalidate();
         self.step_implicit = self.implicit;
         if self.fresh || self.field.has_contacts() {

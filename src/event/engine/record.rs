@@ -26,7 +26,7 @@ impl Sampled {
     }
 
     /// Writes those up to time `t1`.
-    fn write(&mut self, t1: f64, nx: usize, mut state: impl FnMut(f64, &mut [f64])) {
+    pub(super) fn write(&mut self, t1: f64, nx: usize, mut state: impl FnMut(f64, &mut [f64])) {
         while let Some(&t) = self.times.get(self.known).filter(|t| **t <= t1) {
             state(t, &mut self.states[self.known * nx..(self.known + 1) * nx]);
             self.known += 1;
@@ -85,6 +85,11 @@ impl Engine {
         }
         self.save_dense()?;
         path::eval(&self.step.poly, (t - self.step.t) / self.step.h, self.step.h, k, out);
+        if let Some(c) = &self.calendar {
+            for &i in &c.tracks.touched {
+                out[i as usize] = c.tracks.derivative(&self.step, i as usize, k, t);
+            }
+        }
         Ok(())
     }
 

@@ -60,6 +60,7 @@ impl Engine {
             std::mem::swap(&mut self.dq1, &mut self.field.dq);
         }
         self.coarse = 0.0;
+        self.zeros.clear();
         let e = self.screen()?;
         if e > 1.0 {
             return Ok(Found::Coarse(e));
@@ -149,6 +150,9 @@ impl Engine {
                 continue;
             }
             if let Some(found) = self.first_behind_flat(l) {
+                if let Found::Zero(_, s, slope) = found {
+                    self.zeros.push((l, s, slope));
+                }
                 match found {
                     Found::Zero(_, s, _) if s < first => (first, best, shallow) = (s, found, false),
                     Found::Coarse(_) => return Ok(found),
@@ -187,6 +191,12 @@ impl Engine {
                 }
                 First::Zero(s) => s,
             };
+            let (v, dv) = (bernstein::value(c, s), bernstein::slope(c, s));
+            let slope = match power {
+                0 => dv,
+                _ => power as f64 * s.powi(power as i32 - 1) * v + s.powi(power as i32) * dv,
+            };
+            self.zeros.push((l, s, slope / self.step.h));
             if s >= first {
                 continue;
             }
@@ -194,11 +204,6 @@ impl Engine {
             let crosses = matches!(self.watches[l], Watch::Enter { .. } | Watch::Guard { back: false, .. });
             let unseen = if crosses { self.grazes(l, power) } else { None };
             shallow = unseen.is_some_and(|unseen| bernstein::dips(c, unseen));
-            let (v, dv) = (bernstein::value(c, s), bernstein::slope(c, s));
-            let slope = match power {
-                0 => dv,
-                _ => power as f64 * s.powi(power as i32 - 1) * v + s.powi(power as i32) * dv,
-            };
             best = Found::Zero(l, s, slope / self.step.h);
         }
         if let (Found::Zero(l, ..), true) = (&best, self.clears) {

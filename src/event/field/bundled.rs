@@ -35,6 +35,9 @@ pub(super) struct Bundled {
     indicators: PartList,
     /// The guards of all discrete states.
     guards: PartList,
+    /// Guards and resets are among the parts, and which parts the resets are.
+    with_transitions: bool,
+    resets: Vec<Option<usize>>,
     /// Room for the values of parts.
     room: Vec<f64>,
 }
@@ -61,8 +64,17 @@ impl Bundled {
         let indicators = parts.len();
         parts.extend(subs.iter().map(|s| (s.indicators.as_ref(), 0..s.n_q)));
         let first_guard = parts.len();
-        parts.extend(guards.all.iter().map(|g| (g.transition.guard.as_ref(), 0..1)));
-        let program = parts.first()?.0.bundle(&parts)?;
+        let mut all = parts.clone();
+        all.extend(guards.all.iter().map(|g| (g.transition.guard.as_ref(), 0..1)));
+        let mut resets = Vec::with_capacity(guards.all.len());
+        for g in &guards.all {
+            resets.push(g.transition.reset.as_ref().map(|_| all.len()));
+            all.extend(g.transition.reset.iter().map(|r| (r.f.as_ref(), 0..r.rows.len())));
+        }
+        // functions of other kinds are asked one by one
+        let whole = all.first()?.0.bundle(&all);
+        let (with_transitions, resets) = (whole.is_some(), if whole.is_some() { resets } else { Vec::new() });
+        let program = whole.or_else(|| parts.first()?.0.bundle(&parts))?;
         let drift_rows: Vec<usize> = drifts.iter().flat_map(|d| d.rows.iter().copied()).collect();
         let mut cells = 0;
         let mut place = |s: &Sub| {
@@ -87,12 +99,15 @@ impl Bundled {
             others: Vec::new(),
             indicators: PartList::default(),
             guards: PartList::default(),
+            with_transitions,
+            resets,
             program,
         };
         b.list_drifts(singles, drifts);
         let mut all = subs.iter().enumerate().map(|(k, s)| (indicators + k, s.q0));
         b.program.list(&mut all, &mut b.indicators);
-        let mut all = guards.all.iter().enumerate().map(|(i, g)| (first_guard + i, g.q));
+        let known = guards.all.iter().enumerate().filter(|_| with_transitions);
+        let mut all = known.map(|(i, g)| (first_guard + i, g.q));
         b.program.list(&mut all, &mut b.guards);
         Some(b)
     }
@@ -134,6 +149,48 @@ impl Bundled {
     fn parts<'a>(&self, s: &'a Sub, k: usize, set: &'a [usize]) -> impl Iterator<Item = (usize, usize)> + 'a {
         let (mode, at) = (self.modes[k], self.places[k]);
         set.iter().enumerate().map(move |(i, cell)| (mode + s.cells[cell - s.first].mode, at + i * s.rows.len()))
+    }
+
+    /// Are guards and resets among the parts?
+    pub(super) fn has_transitions(&self) -> bool {
+        self.with_transitions
+    }
+
+    /// Operations that every point costs, whatever is evaluated there.
+    pub(super) fn common_operations(&self) -> usize {
+        self.program.common_operations()
+    }
+
+    /// The point at which parts are evaluated.
+    pub(super) fn move_to(&mut self, at: &Point) {
+        self.program.move_to(at);
+    }
+
+    /// The same with another value of one input.
+    #[inline]
+    pub(super) fn set_input(&mut self, input: usize, value: f64) {
+        self.program.set_input(input, value);
+    }
+
+    /// The parts that are single outputs of drifts and move state `i`.
+    pub(super) fn singles_of(&self, i: usize) -> &[usize] {
+        &self.singles[i]
+    }
+
+    /// The part of a mode of subsystem `k`.
+    pub(super) fn mode_of(&self, k: usize, mode: usize) -> usize {
+        self.modes[k] + mode
+    }
+
+    /// Writes a part; false where a value is not finite.
+    #[inline]
+    pub(super) fn evaluate_part(&mut self, part: usize, out: &mut [f64]) -> bool {
+        self.program.evaluate(part, out)
+    }
+
+    /// Writes the states that the reset of transition `g` names; false where a value is not finite.
+    pub(super) fn evaluate_reset(&mut self, g: usize, out: &mut [f64]) -> bool {
+        self.resets[g].is_some_and(|part| self.program.evaluate(part, out))
     }
 
     /// Lists the active modes; where some are listed already, only what has changed.
@@ -293,7 +350,7 @@ impl Field {
 
     /// All guards, also of other discrete states.
     pub(super) fn bundled_guards(&mut self, t: f64, x: &[f64]) -> bool {
-        let Some(b) = &mut self.bundle else { return false };
+        let Some(b) = self.bundle.as_mut().filter(|b| b.with_transitions) else { return false };
         b.program.move_to(&Point { t, x, u: &self.u, p: &self.p });
         b.program.evaluate_list(&b.guards, &mut self.q)
     }

@@ -76,6 +76,10 @@ pub type EvalResult = std::result::Result<(), EvalError>;
 pub trait Bundle: Send {
     /// The point at which parts are evaluated from here on.
     fn move_to(&mut self, at: &Point);
+    /// The same with another value of one input, by its number in the order `x`, `u`, `p`, `t`.
+    fn set_input(&mut self, input: usize, value: f64);
+    /// Operations that many outputs have in common, which every point costs.
+    fn common_operations(&self) -> usize;
     /// Writes a part, by its place in the list that the bundle was made of; false where a value is not finite.
     fn evaluate(&mut self, part: usize, out: &mut [f64]) -> bool;
     /// Prepares to evaluate parts together: every part with the place of its first output.
