@@ -111,6 +111,16 @@ impl Tracks {
         derivative(poly, k, (t - start) / h) / h.powi(k as i32)
     }
 
+    /// The pieces of state `i`, the last one first: start, unit, coefficients.
+    pub(super) fn pieces_of(&self, i: usize) -> impl Iterator<Item = (f64, f64, &Poly)> {
+        let mut head = self.head[i];
+        std::iter::from_fn(move || {
+            let p = &self.pieces[(head as usize).checked_sub(1)?];
+            head = p.before;
+            Some((p.t, p.h, &p.poly))
+        })
+    }
+
     /// Times between `from` and the end of the step at which another piece of state `i` begins.
     pub(super) fn breaks(&self, i: usize, from: f64, to: &mut Vec<f64>) {
         let mut head = self.head[i];
@@ -273,8 +283,8 @@ pub(super) struct Calendar {
     seen: Vec<bool>,
     pub(super) values: Vec<f64>,
     pub(super) times: Vec<f64>,
-    /// Events of this step.
-    pub(super) events: usize,
+    /// Times of the events of this step.
+    pub(super) events: Vec<f64>,
     /// States whose velocities were evaluated by themselves.
     pub(super) rows: usize,
 }
@@ -307,7 +317,7 @@ impl Calendar {
             seen: vec![false; n],
             values: Vec::new(),
             times: Vec::new(),
-            events: 0,
+            events: Vec::new(),
             rows: 0,
             depends,
         })
@@ -317,7 +327,7 @@ impl Calendar {
     pub(super) fn begin(&mut self, zeros: impl Iterator<Item = (f64, usize, f64)>) {
         self.heap.clear();
         self.tracks.clear();
-        self.events = 0;
+        self.events.clear();
         for (t, source, rate) in zeros {
             self.enter(t, source, rate);
         }

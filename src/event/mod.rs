@@ -430,6 +430,31 @@ pub struct Run {
 }
 
 impl Run {
+    /// The states just before and just behind transition `index`; NaN where they are not known: a system of many units is not stopped for what
+    /// happens in one, and only dense output knows the others.
+    pub fn jump_states(&self, index: usize) -> (Vec<f64>, Vec<f64>) {
+        let j = &self.jumps[index];
+        if j.states.is_empty() {
+            return (j.before.clone(), j.after.clone());
+        }
+        let mut before = vec![f64::NAN; self.x.len()];
+        if let Some(p) = &self.path {
+            // a time outside is none of the run
+            if p.eval(j.t, 0, &mut before).is_err() {
+                before.fill(f64::NAN);
+            }
+        }
+        // those of one time follow each other
+        let first = self.jumps[..index].partition_point(|k| k.t < j.t);
+        for k in &self.jumps[first..index] {
+            k.states.iter().zip(&k.after).for_each(|(i, v)| before[*i] = *v);
+        }
+        j.states.iter().zip(&j.before).for_each(|(i, v)| before[*i] = *v);
+        let mut after = before.clone();
+        j.states.iter().zip(&j.after).for_each(|(i, v)| after[*i] = *v);
+        (before, after)
+    }
+
     /// Bytes of its arrays, about.
     pub fn bytes(&self) -> usize {
         let path = self.path.as_ref().map_or(0, Path::bytes);

@@ -14,19 +14,45 @@ const QUADRATURE: usize = 5;
 #[derive(Debug, Clone, Default)]
 pub struct Path {
     nx: usize,
-    /// Start, end and the unit of relative time of every piece.
-    pieces: Vec<(f64, f64, f64)>,
+    pieces: Vec<Piece>,
+    /// Coefficients of all states, step by step.
     poly: Vec<Poly>,
+    /// States that go on otherwise from a time in a step on, step by step, those of one state in the order of time.
+    own: Vec<Own>,
+}
+
+/// A part of a step between two events.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    t: f64,
+    end: f64,
+    /// Where the step begins, and the unit of its relative time.
+    origin: f64,
+    h: f64,
+    /// The step, and where the states begin that go their own way in it.
+    step: usize,
+    own: usize,
+}
+
+/// One state from a time on.
+#[derive(Debug, Clone, Copy)]
+struct Own {
+    step: u32,
+    state: u32,
+    t: f64,
+    h: f64,
+    poly: Poly,
 }
 
 impl Path {
     pub(super) fn new(nx: usize) -> Path {
-        Path { nx, pieces: Vec::new(), poly: Vec::new() }
+        Path { nx, ..Path::default() }
     }
 
     pub(super) fn clear(&mut self) {
         self.pieces.clear();
         self.poly.clear();
+        self.own.clear();
     }
 
     /// Makes room for the next pieces.
@@ -37,17 +63,51 @@ impl Path {
 
     /// Bytes of the pieces.
     pub fn bytes(&self) -> usize {
-        self.pieces.len() * size_of::<(f64, f64, f64)>() + self.poly.len() * size_of::<Poly>()
+        self.pieces.len() * size_of::<Piece>() + self.poly.len() * size_of::<Poly>() + self.own.len() * size_of::<Own>()
     }
 
     pub(super) fn push(&mut self, t: f64, end: f64, h: f64, poly: &[Poly]) {
-        self.pieces.push((t, end, h));
+        self.begin(t, end, h);
         self.poly.extend_from_slice(poly);
+    }
+
+    /// The first piece of a step.
+    fn begin(&mut self, t: f64, end: f64, h: f64) {
+        let step = self.poly.len() / self.nx.max(1);
+        self.pieces.push(Piece { t, end, origin: t, h, step, own: self.own.len() });
+    }
+
+    /// Cuts the last piece at the `times` of events, which ascend.
+    pub(super) fn cut(&mut self, times: &[f64]) {
+        for &t in times {
+            let Some(last) = self.pieces.last_mut().filter(|p| p.t < t && t < p.end) else { continue };
+            let rest = Piece { t, ..*last };
+            last.end = t;
+            self.pieces.push(rest);
+        }
+    }
+
+    /// A state goes on otherwise from time `t` on in the last step.
+    pub(super) fn push_own(&mut self, state: usize, (t, h): (f64, f64), poly: &Poly) {
+        if let Some(p) = self.pieces.last() {
+            self.own.push(Own { step: p.step as u32, state: state as u32, t, h, poly: *poly });
+        }
+    }
+
+    /// `k`-th derivative of the state at time `t` on a piece.
+    fn eval_piece(&self, p: &Piece, t: f64, k: usize, out: &mut [f64]) {
+        let n = self.nx;
+        eval(&self.poly[p.step * n..(p.step + 1) * n], (t - p.origin) / p.h, p.h, k, out);
+        // the piece before an event counts at its time
+        for o in self.own[p.own..].iter().take_while(|o| o.step as usize == p.step).filter(|o| o.t < t) {
+            let i = o.state as usize;
+            eval(std::slice::from_ref(&o.poly), (t - o.t) / o.h, o.h, k, &mut out[i..=i]);
+        }
     }
 
     /// A piece along a straight line.
     pub(super) fn push_line(&mut self, t: f64, end: f64, x: &[f64], f: &[f64]) {
-        self.pieces.push((t, end, end - t));
+        self.begin(t, end, end - t);
         self.poly.extend(x.iter().zip(f).map(|(x, f)| {
             let mut line = Poly::default();
             (line[0], line[1]) = (*x, (end - t) * f);
@@ -67,7 +127,7 @@ impl Path {
 
     /// Ends of the steps, the start first.
     pub fn times(&self) -> Vec<f64> {
-        self.pieces.first().map(|p| p.0).into_iter().chain(self.pieces.iter().map(|p| p.1)).collect()
+        self.pieces.first().map(|p| p.t).into_iter().chain(self.pieces.iter().map(|p| p.end)).collect()
     }
 
     /// Integral of a function of time and state over the steps from `from` on, by Gauss's rule of five points in every step, exact for the
@@ -75,12 +135,12 @@ impl Path {
     pub fn integrate(&self, from: f64, f: &mut dyn FnMut(f64, &[f64]) -> f64) -> Result<f64> {
         let rule = Tableau::new(Family::GaussLegendre, QUADRATURE)?;
         let (mut x, mut sum) = (vec![0.0; self.nx], 0.0);
-        let first = self.pieces.partition_point(|p| p.0 < from);
-        for (i, &(t0, end, h)) in self.pieces.iter().enumerate().skip(first) {
+        let first = self.pieces.partition_point(|p| p.t < from);
+        for p in &self.pieces[first..] {
             for (c, b) in rule.c.iter().zip(&rule.b) {
-                let t = t0 + c * (end - t0);
-                eval(&self.poly[i * self.nx..(i + 1) * self.nx], (t - t0) / h, h, 0, &mut x);
-                sum += b * (end - t0) * f(t, &x);
+                let t = p.t + c * (p.end - p.t);
+                self.eval_piece(p, t, 0, &mut x);
+                sum += b * (p.end - p.t) * f(t, &x);
             }
         }
         Ok(sum)
@@ -94,12 +154,11 @@ impl Path {
         let (Some(first), Some(last)) = (self.pieces.first(), self.pieces.last()) else {
             return Err(Error::State("there is no dense output: ask for it in the options, then simulate".into()));
         };
-        if !(t >= first.0 && t <= last.1) {
-            return Err(Error::Range(format!("time {t} is outside of the run, {} to {}", first.0, last.1)));
+        if !(t >= first.t && t <= last.end) {
+            return Err(Error::Range(format!("time {t} is outside of the run, {} to {}", first.t, last.end)));
         }
-        let i = self.pieces.partition_point(|p| p.1 < t);
-        let (t0, _, h) = self.pieces[i];
-        eval(&self.poly[i * self.nx..(i + 1) * self.nx], (t - t0) / h, h, k, out);
+        let i = self.pieces.partition_point(|p| p.end < t);
+        self.eval_piece(&self.pieces[i], t, k, out);
         Ok(())
     }
 }
@@ -112,5 +171,35 @@ pub(super) fn eval(poly: &[Poly], s: f64, h: f64, k: usize, out: &mut [f64]) {
             _ if k >= p.len() => 0.0,
             _ => derivative(p, k, s) / h.powi(k as i32),
         };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two states stand still from 0 to 2; the second one jumps from 0 to 1 at time 1, and goes on with the velocity 2.
+    #[test]
+    fn a_state_with_a_piece_of_its_own_leaves_the_others_alone() {
+        let mut path = Path::new(2);
+        let mut line = Poly::default();
+        (line[0], line[1]) = (1.0, 2.0);
+        path.push(0.0, 2.0, 2.0, &[Poly::default(); 2]);
+        path.push_own(1, (1.0, 1.0), &line);
+        path.cut(&[1.0]);
+        path.push(2.0, 3.0, 1.0, &[Poly::default(); 2]);
+        assert_eq!(path.times(), [0.0, 1.0, 2.0, 3.0]);
+        let at = |t: f64, k: usize| {
+            let mut x = [f64::NAN; 2];
+            path.eval(t, k, &mut x).unwrap();
+            x
+        };
+        assert_eq!(
+            [at(0.5, 0), at(1.0, 0), at(1.5, 0), at(2.0, 0), at(2.5, 0)].map(|x| x[1]),
+            [0.0, 0.0, 2.0, 3.0, 0.0]
+        );
+        assert_eq!(at(1.5, 1), [0.0, 2.0]);
+        let integral = path.integrate(0.0, &mut |_, x| x[1]).unwrap();
+        assert!((integral - 2.0).abs() < 1e-14, "{integral}");
     }
 }

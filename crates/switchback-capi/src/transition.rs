@@ -141,9 +141,10 @@ pub unsafe extern "C" fn swb_run_jumps(
     })
 }
 
-fn jump(r: &Record, index: i64) -> Result<&Jump> {
+/// The place of a transition of a run.
+fn place(r: &Record, index: i64) -> Result<usize> {
     let n = r.run.jumps.len();
-    let found = usize::try_from(index).ok().and_then(|i| r.run.jumps.get(i));
+    let found = usize::try_from(index).ok().filter(|i| *i < n);
     found.ok_or_else(|| Error::Dimension(format!("there is no transition {index}, the run has {n}")))
 }
 
@@ -164,16 +165,7 @@ pub unsafe extern "C" fn swb_run_jump_states(
 ) -> swb_status {
     self::guard(|| unsafe {
         handle::with_ref(run, |r| {
-            let j = jump(r, index)?;
-            let all = |own: &[f64]| match j.states.is_empty() {
-                true => own.to_vec(),
-                false => {
-                    let mut all = vec![f64::NAN; r.run.x.len()];
-                    j.states.iter().zip(own).for_each(|(i, v)| all[*i] = *v);
-                    all
-                }
-            };
-            let (first, second) = (all(&j.before), all(&j.after));
+            let (first, second) = r.run.jump_states(place(r, index)?);
             raw::check_slice(after, n, second.len(), "after")?;
             raw::write_slice(before, n, &first, "before")?;
             raw::write_slice(after, n, &second, "after")
@@ -191,7 +183,7 @@ pub unsafe extern "C" fn swb_run_jump_sensitivity(run: *const swb_run, index: i6
     self::guard(|| unsafe {
         handle::with_ref(run, |r| {
             need_derivatives(r.run.sensitivity.as_ref())?;
-            raw::write_slice(dt, n, &jump(r, index)?.dt, "dt")
+            raw::write_slice(dt, n, &r.run.jumps[place(r, index)?].dt, "dt")
         })
     })
 }

@@ -186,6 +186,11 @@ impl Engine {
         })
     }
 
+    /// Ends a step of all states at every event, so that all of them are known there.
+    pub(crate) fn stop_for_all(&mut self) {
+        self.calendar = None;
+    }
+
     /// Goes on beyond the bounds that contacts of a scene were left out for: of a motion that is only a guess nothing but that it is close to one within
     /// them is wanted.
     pub(crate) fn pass_bounds(&mut self) {

@@ -40,7 +40,6 @@ impl Engine {
         !self.step_implicit
             && self.sens.is_none()
             && self.tape.is_none()
-            && self.path.is_none()
             && !self.field.in_limit_set()
             && self.field.constant_gradients()
     }
@@ -53,8 +52,8 @@ impl Engine {
         }
         let Some(mut c) = self.calendar.take() else { return Ok(None) };
         let (t, left) = self.follow_events(&mut c, t1);
-        let known = if c.events > 0 { self.end_units(&mut c, t, t1).map(Some) } else { Ok(None) };
-        if c.events == 0 {
+        let known = if !c.events.is_empty() { self.end_units(&mut c, t, t1).map(Some) } else { Ok(None) };
+        if c.events.is_empty() {
             c.tracks.clear();
         }
         self.calendar = Some(c);
@@ -81,9 +80,9 @@ impl Engine {
         let mut last = t;
         while let Some(e) = c.next() {
             c.forget_event();
-            let many = c.events > EVENTS * self.nx;
+            let many = c.events.len() > EVENTS * self.nx;
             if !many && e.t > t && e.t < t1 && self.happens(c, e, t1) {
-                c.events += 1;
+                c.events.push(e.t);
                 last = e.t;
                 continue;
             }
@@ -240,6 +239,9 @@ impl Engine {
     fn crosses(&mut self, c: &mut Calendar, k: usize, e: Entry) -> bool {
         let (inside, other) = self.field.sides(k, c.cells[k]);
         let states: Vec<u32> = self.field.gradients.row(&self.dq0, e.source).states().map(|s| s.0 as u32).collect();
+        if states.iter().any(|i| c.tied[*i as usize]) {
+            return false;
+        }
         let before = std::mem::replace(&mut c.cells[k], other);
         c.group.gather(&states, |_| false, &c.depends);
         self.start_group(c, e.t);
@@ -430,7 +432,12 @@ impl Engine {
             self.recent.note_source(e.source, e.t);
         }
         self.stats.jumps += c.fired.len();
-        let several = c.fired.len() > 1;
+        // those of several units at one time are made one after the other
+        let last = self.jumps.last_mut().filter(|j| j.t == e.t && !c.fired.is_empty());
+        let several = c.fired.len() > 1 || last.is_some();
+        if let Some(last) = last {
+            last.simultaneous = true;
+        }
         self.jumps.extend(c.jumps.drain(..).map(|j| Jump { simultaneous: several, ..j }));
         self.stats.switches += c.crossed.len();
         for &(k, before, rate) in &c.crossed {
@@ -546,6 +553,14 @@ impl Engine {
             if t < t1 || c.tracks.is_touched(i) {
                 self.step.x1[i] = c.tracks.value(&self.step, i, t);
             }
+        }
+        if let Some(p) = &mut self.path {
+            p.push(self.step.t, t, self.step.h, &self.step.poly);
+            for &i in &c.tracks.touched {
+                let own: Vec<_> = c.tracks.pieces_of(i as usize).filter(|p| p.0 < t).collect();
+                own.into_iter().rev().for_each(|(from, h, poly)| p.push_own(i as usize, (from, h), poly));
+            }
+            p.cut(&c.events);
         }
         if self.sampled.are_wanted(t) {
             let (nx, s) = (self.nx, &self.step);
