@@ -248,8 +248,8 @@ impl Flow for Units<'_> {
     }
 }
 
-/// The calendar of a system of many units.
-pub(super) struct Calendar {
+/// The events of single units within a step.
+pub(super) struct UnitEvents {
     pub(super) depends: Depends,
     heap: BinaryHeap<Entry>,
     /// Entries of a source that have another version are of the past.
@@ -289,13 +289,13 @@ pub(super) struct Calendar {
     pub(super) rows: usize,
 }
 
-impl Calendar {
-    pub(super) fn new(field: &Field, discrete: &[usize]) -> Option<Calendar> {
+impl UnitEvents {
+    pub(super) fn new(field: &Field, discrete: &[usize]) -> Option<UnitEvents> {
         let depends = field.depends()?;
         let (nx, n) = (field.nx, field.q.len() + field.n_cells);
         let mut still = vec![false; nx];
         discrete.iter().for_each(|d| still[*d] = true);
-        Some(Calendar {
+        Some(UnitEvents {
             heap: BinaryHeap::new(),
             versions: vec![0; n],
             tracks: Tracks { head: vec![0; nx], ..Tracks::default() },
@@ -418,7 +418,7 @@ impl Calendar {
 
     /// Notes these states for the next event of the source: those of the group that `counts` says. Lists are as long together as a few lists of
     /// all states.
-    pub(super) fn note_reach(&mut self, source: usize, counts: impl Fn(&Calendar, usize) -> bool) {
+    pub(super) fn note_reach(&mut self, source: usize, counts: impl Fn(&UnitEvents, usize) -> bool) {
         const LISTS: usize = 16;
         let mut own = std::mem::take(&mut self.reach[source]);
         self.reached -= own.len();

@@ -358,34 +358,34 @@ impl Engine {
     /// What is watched, as a source of switches: by indicator, then by cell.
     pub(super) fn source(&self, w: &Watch) -> usize {
         match *w {
-            Watch::Leave { cell, .. } => self.q0.len() + cell,
+            Watch::Leave { cell, .. } => self.functions.q0.len() + cell,
             Watch::Enter { a, .. } | Watch::Guard { a, .. } | Watch::Contact { a, .. } => a,
         }
     }
 
     /// Notes the time of a switch of this source, and what vanished there: `j` among it, with this rate, if it is known.
     pub(super) fn remember(&mut self, source: usize, crossed: Option<(usize, f64)>) {
-        let (gap, sharpness) = (self.t - self.recent.last, self.sharpness());
+        let (gap, sharpness) = (self.t - self.calendar.recent.last, self.sharpness());
         let usual = crossed.map_or(f64::INFINITY, |(j, rate)| self.reach_of(j) / rate.abs());
         let noise = sharpness * usual;
         let resolved = crossed.filter(|_| gap >= RESOLVED * noise);
-        let i = self.recent.n % MEMORY;
-        self.recent.gaps[i] = gap;
-        self.recent.last = self.t;
+        let i = self.calendar.recent.n % MEMORY;
+        self.calendar.recent.gaps[i] = gap;
+        self.calendar.recent.last = self.t;
         let mut zeros = 0;
-        for (last, _) in self.recent.vanished.iter_mut().zip(&self.zero).filter(|(_, zero)| **zero) {
+        for (last, _) in self.calendar.recent.vanished.iter_mut().zip(&self.functions.zero).filter(|(_, zero)| **zero) {
             *last = self.t;
             zeros += 1;
         }
-        self.recent.kinds[i] = Kind { source, zeros, free: self.field.n_alg() == 0, jumped: false };
-        self.recent.sources[source].note(self.t, self.recent.epoch);
-        self.recent.n += 1;
-        self.recent.follow(resolved, noise);
-        let before = crossed.and_then(|(j, _)| self.rate_before(j, self.t, self.recent.n == 1));
-        let before = before.filter(|_| self.recent.n == 1 || self.recent.are_crossings_of_one(2));
+        self.calendar.recent.kinds[i] = Kind { source, zeros, free: self.field.n_alg() == 0, jumped: false };
+        self.calendar.recent.sources[source].note(self.t, self.calendar.recent.epoch);
+        self.calendar.recent.n += 1;
+        self.calendar.recent.follow(resolved, noise);
+        let before = crossed.and_then(|(j, _)| self.rate_before(j, self.t, self.calendar.recent.n == 1));
+        let before = before.filter(|_| self.calendar.recent.n == 1 || self.calendar.recent.are_crossings_of_one(2));
         // the times of what no state moves are exact, whatever the tolerances
         let crossed = crossed.filter(|_| usual > 0.0);
-        self.recent.falling.note(crossed, (gap, usual), before);
+        self.calendar.recent.falling.note(crossed, (gap, usual), before);
         self.follow_sharpness();
     }
 
@@ -393,24 +393,24 @@ impl Engine {
     /// of the same surface, and for the `first` crossing of a run the mean one on the way.
     fn rate_before(&self, j: usize, at: f64, first: bool) -> Option<f64> {
         if first {
-            let (t, values) = &self.recent.start;
+            let (t, values) = &self.calendar.recent.start;
             return Some(values[j] / (at - t)).filter(|_| self.field.n_alg() == 0);
         }
-        self.recent.falling.last.filter(|last| last.0 == j).map(|last| last.1)
+        self.calendar.recent.falling.last.filter(|last| last.0 == j).map(|last| last.1)
     }
 
     /// Is the crossing at the end of the step, where watch `l` vanishes with this rate, much slower than the one before it, and not known as well?
     /// An error that is small at that one is `1 / ġ` times as large in the time of this one: the step is taken again, with tolerances
     /// that are in proportion to the rate. What was before it matters less, where motions that come so slowly to a surface approach each other.
     pub(super) fn comes_slowly(&mut self, l: usize, rate: f64) -> bool {
-        let Watch::Enter { a, b: None, .. } = self.watches[l] else { return false };
-        let at = self.t + self.step.h;
-        let Some(before) = self.rate_before(a, at, self.recent.n == 0) else { return false };
-        let free = self.recent.n == 0 || self.recent.are_crossings_of_one(1);
-        let since = at - self.recent.last;
-        free && self.depart[l] == 0
+        let Watch::Enter { a, b: None, .. } = self.functions.watches[l] else { return false };
+        let at = self.t + self.stepper.step.h;
+        let Some(before) = self.rate_before(a, at, self.calendar.recent.n == 0) else { return false };
+        let free = self.calendar.recent.n == 0 || self.calendar.recent.are_crossings_of_one(1);
+        let since = at - self.calendar.recent.last;
+        free && self.functions.depart[l] == 0
             && self.reach_of(a) > 0.0
-            && self.recent.falling.expect((rate / before).abs(), since)
+            && self.calendar.recent.falling.expect((rate / before).abs(), since)
     }
 
     /// Part of the absolute tolerances that the state is followed to.
@@ -420,13 +420,13 @@ impl Engine {
     /// the time of the accumulation. With a `δ` in proportion to the rate all of them are known as well as the first.
     #[inline]
     pub(super) fn sharpness(&self) -> f64 {
-        self.recent.falling.share(self.t - self.recent.last)
+        self.calendar.recent.falling.share(self.t - self.calendar.recent.last)
     }
 
     /// The sizes that states have at least fall with the tolerances where several crossings in a row were slower.
     #[inline]
     pub(super) fn follow_sharpness(&mut self) {
-        let part = if self.recent.falling.n > 1 { self.sharpness() } else { 1.0 };
+        let part = if self.calendar.recent.falling.n > 1 { self.sharpness() } else { 1.0 };
         self.set_sizes(part);
     }
 
@@ -434,9 +434,13 @@ impl Engine {
     /// followed to the same part of their absolute tolerances.
     #[inline]
     pub(super) fn set_sizes(&mut self, part: f64) {
-        if part != self.recent.sized {
-            self.recent.sized = part;
-            self.field.floor.iter_mut().zip(&self.recent.sizes).for_each(|(floor, usual)| *floor = part * usual);
+        if part != self.calendar.recent.sized {
+            self.calendar.recent.sized = part;
+            self.field
+                .floor
+                .iter_mut()
+                .zip(&self.calendar.recent.sizes)
+                .for_each(|(floor, usual)| *floor = part * usual);
         }
     }
 
@@ -449,36 +453,40 @@ impl Engine {
     }
 
     pub(super) fn accumulations_push(&mut self, a: Accumulation) {
-        if self.accumulations.len() < self.options.max_log {
-            self.accumulations.push(a);
+        if self.log.accumulations.len() < self.options.max_log {
+            self.log.accumulations.push(a);
         }
     }
 
     /// Marks what has vanished since some time, and what the present sliding modes tie.
     pub(super) fn mark_since(&mut self, from: f64) {
-        self.zero.iter_mut().zip(&self.recent.vanished).for_each(|(zero, last)| *zero = *last >= from);
+        self.functions
+            .zero
+            .iter_mut()
+            .zip(&self.calendar.recent.vanished)
+            .for_each(|(zero, last)| *zero = *last >= from);
         self.keep_surfaces();
     }
 
     /// Since when the source of the last switch is remembered, if it has switched as often as that.
     pub(super) fn since(&self) -> Option<f64> {
-        self.recent.of_last().back(MEMORY)
+        self.calendar.recent.of_last().back(MEMORY)
     }
 
     /// Has the same transition happened more than once since some time? One of them, such as that which begins a phase of a controller, is
     /// only followed by what accumulates.
     pub(super) fn jumped_since(&self, from: f64) -> bool {
-        self.field.guards.all.iter().any(|g| self.recent.of(g.q).back(1).is_some_and(|t| t >= from))
+        self.field.guards.all.iter().any(|g| self.calendar.recent.of(g.q).back(1).is_some_and(|t| t >= from))
     }
 
     /// Does the present mode slide on all surfaces that the last switches were at? The last of them began it, where the
     /// surfaces could not be told apart any more.
     fn is_past_accumulation(&mut self, from: f64) -> bool {
         self.mark_since(from);
-        let all = self.zero.clone();
-        self.zero.fill(false);
+        let all = self.functions.zero.clone();
+        self.functions.zero.fill(false);
         self.keep_surfaces();
-        self.zero == all
+        self.functions.zero == all
     }
 
     /// Do switches accumulate here? Then the policy decides.
@@ -486,7 +494,7 @@ impl Engine {
         if let Some(p) = self.approach_limit_set()? {
             return Ok(Some(p));
         }
-        let history = self.recent.of_last();
+        let history = self.calendar.recent.of_last();
         let Some((gaps, from)) = history.gaps().zip(self.since()) else { return Ok(None) };
         let stuck = self.t - from <= 64.0 * EPS * self.t.abs();
         let jumps = self.jumped_since(from);
@@ -511,8 +519,8 @@ impl Engine {
         if left > 1e-2 * loosest * self.t.abs() && !stuck {
             return Ok(None);
         }
-        self.stats.accumulations += 1;
-        self.recent.forget();
+        self.log.stats.accumulations += 1;
+        self.calendar.recent.forget();
         let limit = self.t + left;
         if jumps {
             return Ok(Some(self.end_at_accumulation(limit)));
@@ -520,7 +528,7 @@ impl Engine {
         let text = format!("switches accumulate at t = {limit}");
         if self.options.zeno != Zeno::Stop {
             if self.is_past_accumulation(from) {
-                let t = self.recent.limit(limit);
+                let t = self.calendar.recent.limit(limit);
                 self.accumulations_push(Accumulation { t, until: self.t, steps: 0, error: 0.0 });
                 return Ok(None);
             }
@@ -532,7 +540,7 @@ impl Engine {
         if self.options.zeno == Zeno::TimeStepping {
             return self.step_through(limit).map(Some);
         }
-        let t = self.recent.limit(limit);
+        let t = self.calendar.recent.limit(limit);
         self.accumulations_push(Accumulation { t, until: self.t, steps: 0, error: 0.0 });
         if self.options.zeno == Zeno::Stop {
             return Ok(Some(self.fail(Outcome::Zeno, text)));
@@ -545,9 +553,9 @@ impl Engine {
             return Ok(Some(self.fail(Outcome::Zeno, text)));
         }
         let candidates = self.candidates();
-        let r = self.choose(&candidates, self.h.max(1e3 * EPS * self.t.abs()));
+        let r = self.choose(&candidates, self.stepper.h.max(1e3 * EPS * self.t.abs()));
         let unique = recover(r, false)?;
-        if self.outcome != Outcome::Reached {
+        if self.log.outcome != Outcome::Reached {
             return Ok(Some(Progress::Done));
         }
         let tied: usize = self.field.active.iter().map(Vec::len).sum();
@@ -557,7 +565,7 @@ impl Engine {
         }
         self.mark_time(Time::Unknown);
         let r = self.enter().and_then(|()| self.project_sensitivity());
-        self.one_sided = true;
+        self.log.one_sided = true;
         if !recover(r.map(|()| true), false)? {
             let failed = self.fail(Outcome::Zeno, text + ", where the sliding mode is not defined");
             return Ok(Some(self.go_through(&before, true)?.unwrap_or(failed)));

@@ -53,7 +53,7 @@ impl Engine {
     /// two thousand, and nothing but that while the run gets on.
     #[inline]
     pub(super) fn chatters(&mut self) -> Result<Option<Progress>> {
-        if self.attempts() < self.window.attempts + WINDOW {
+        if self.attempts() < self.calendar.window.attempts + WINDOW {
             return Ok(None);
         }
         self.look_for_jump()
@@ -61,29 +61,29 @@ impl Engine {
 
     /// Attempts at steps so far.
     fn attempts(&self) -> usize {
-        self.stats.steps + self.stats.rejections + self.stats.relocations
+        self.log.stats.steps + self.log.stats.rejections + self.log.stats.relocations
     }
 
     #[cold]
     fn look_for_jump(&mut self) -> Result<Option<Progress>> {
-        let (attempts, steps) = (self.attempts(), self.stats.steps);
-        let (from, t) = (self.window, self.t);
-        let locations = self.stats.switches + self.stats.relocations;
+        let (attempts, steps) = (self.attempts(), self.log.stats.steps);
+        let (from, t) = (self.calendar.window, self.t);
+        let locations = self.log.stats.switches + self.log.stats.relocations;
         let advanced = t - from.t;
-        self.window = Window { attempts, steps, t, locations, slow: 0, longest: from.longest.max(advanced) };
+        self.calendar.window = Window { attempts, steps, t, locations, slow: 0, longest: from.longest.max(advanced) };
         let rest = self.t_stop - t;
-        let switching = self.window.locations >= from.locations + LOCATIONS;
-        let crawls = !switching && advanced * LEFT < rest && advanced < CRAWLING * self.window.longest;
+        let switching = self.calendar.window.locations >= from.locations + LOCATIONS;
+        let crawls = !switching && advanced * LEFT < rest && advanced < CRAWLING * self.calendar.window.longest;
         if advanced * PATIENCE >= rest {
             return if crawls { self.pass_slowness(from, false) } else { Ok(None) };
         }
         let mean = advanced / (steps - from.steps).max(1) as f64;
-        let mean = if mean > 0.0 { mean } else { self.h };
+        let mean = if mean > 0.0 { mean } else { self.stepper.h };
         let r = self.discontinuity(mean);
         let Some(at) = recover(r, None)? else {
             let left = self.options.max_steps.saturating_sub(attempts) as f64;
-            let too_slow =
-                advanced < STALLED * self.window.longest || switching && advanced * left < WINDOW as f64 * rest;
+            let too_slow = advanced < STALLED * self.calendar.window.longest
+                || switching && advanced * left < WINDOW as f64 * rest;
             return if too_slow || crawls { self.pass_slowness(from, too_slow) } else { Ok(None) };
         };
         if switching {
@@ -101,16 +101,16 @@ impl Engine {
 
     /// After so many slow windows next to surfaces the motion goes on in a limit set or, if it may, is gone through by steps.
     fn pass_slowness(&mut self, from: Window, by_steps: bool) -> Result<Option<Progress>> {
-        self.window.slow = from.slow + 1;
-        if self.window.slow < SLOW {
+        self.calendar.window.slow = from.slow + 1;
+        if self.calendar.window.slow < SLOW {
             return Ok(None);
         }
-        self.window.slow = 0;
+        self.calendar.window.slow = 0;
         let before = self.field.active.clone();
         // there may be a limit set that was not seen
         if self.is_on_time(SLOW * WINDOW) {
             if let Some(p) = self.rescue(&before, Origin::Outside)? {
-                self.h = self.no_time();
+                self.stepper.h = self.no_time();
                 return Ok(Some(p));
             }
         }

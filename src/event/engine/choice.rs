@@ -16,7 +16,7 @@ impl Engine {
             self.field.set_active(candidates);
             return Ok(true);
         }
-        let room = (&mut self.node[..], &mut self.step.f[..]);
+        let room = (&mut self.stepper.node[..], &mut self.stepper.step.f[..]);
         if let Some(k) = decide_pair(&mut self.field, self.t, &self.x, candidates, room, &mut self.set)? {
             let mut sets = candidates.to_vec();
             sets[k].clone_from(&self.set);
@@ -86,7 +86,7 @@ impl Engine {
     fn lets_go(&self, l: usize, fall: f64, apart: &mut Apart) -> bool {
         /// A fall that leaves no doubt.
         const CLEAR: f64 = -1e-6;
-        let Watch::Leave { sub, cell } = self.watches[l] else { return false };
+        let Watch::Leave { sub, cell } = self.functions.watches[l] else { return false };
         if apart.open[..] != [sub] || fall.is_nan() || fall > CLEAR || !self.field.slides_alone(sub) {
             return false;
         }
@@ -106,7 +106,7 @@ impl Engine {
             return Ok(true);
         }
         let found = self.continuations(candidates, length, apart)?;
-        if self.outcome != Outcome::Reached {
+        if self.log.outcome != Outcome::Reached {
             return Ok(false);
         }
         if found.is_empty() {
@@ -199,8 +199,8 @@ impl Engine {
             let text = format!("the continuation is not unique: {n} active sets are possible");
             self.fail(Outcome::Ambiguous, text);
         }
-        if self.branchings.len() < self.options.max_log {
-            self.branchings.push(b);
+        if self.log.branchings.len() < self.options.max_log {
+            self.log.branchings.push(b);
         }
         taken
     }

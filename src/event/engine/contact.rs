@@ -83,26 +83,26 @@ impl Engine {
             self.check_scene()?;
         }
         self.field.look_at_all();
-        self.time_row.fill(0.0);
-        if let Some(s) = &mut self.sens {
+        self.derivatives.time_row.fill(0.0);
+        if let Some(s) = &mut self.derivatives.sens {
             s.dt.fill(0.0);
         }
-        let start = self.switches.len();
+        let start = self.log.switches.len();
         let found = self.scene_inner(None, f64::NAN, (t_stop - self.t).max(f64::MIN_POSITIVE));
-        if !recover(found.map(|()| true), false)? && self.outcome == Outcome::Reached {
+        if !recover(found.map(|()| true), false)? && self.log.outcome == Outcome::Reached {
             self.fail(Outcome::NoContinuation, "the scene is not defined at this point".into());
         }
         if first {
             // the modes at the start are no switches
-            self.stats.switches -= self.switches.len() - start;
-            self.switches.truncate(start);
+            self.log.stats.switches -= self.log.switches.len() - start;
+            self.log.switches.truncate(start);
         }
-        if self.outcome != Outcome::Reached {
+        if self.log.outcome != Outcome::Reached {
             return Ok(());
         }
         self.restart = false;
-        self.err_before = 1e-4;
-        self.h = self.initial_step(t_stop - self.t)?;
+        self.stepper.err_before = 1e-4;
+        self.stepper.h = self.initial_step(t_stop - self.t)?;
         Ok(())
     }
 
@@ -117,7 +117,7 @@ impl Engine {
         }
         let sizes = recover(self.field.contact_sizes(t, &self.x).map(|()| true), false)?;
         let loosest = self.rtol.iter().fold(0.0f64, |m, v| m.max(*v)).max(TOUCHES * EPS);
-        let (rtol, atol, row, n_z) = (&self.rtol, &self.atol, &mut self.scene.row, self.field.n_z);
+        let (rtol, atol, row, n_z) = (&self.rtol, &self.atol, &mut self.contact_events.scene.row, self.field.n_z);
         let checked = self.field.with_contacts(t, &self.x, |c, at, _| -> Result<()> {
             if !c.dynamics.is_definite(at) {
                 return Err(Error::Range(format!(
@@ -172,8 +172,8 @@ impl Engine {
 
     /// An event of watch `l` at the present point.
     pub(super) fn contact_event(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
-        if let Watch::Contact { contact, what: ContactWatch::Gap, .. } = self.watches[l] {
-            if self.t > self.step.t {
+        if let Watch::Contact { contact, what: ContactWatch::Gap, .. } = self.functions.watches[l] {
+            if self.t > self.stepper.step.t {
                 let x = std::mem::take(&mut self.x);
                 let r = self.check_gradient(contact, self.t, &x);
                 self.x = x;
@@ -181,25 +181,25 @@ impl Engine {
             }
         }
         let length = self.usual_step();
-        let n = self.impacts.len();
+        let n = self.log.impacts.len();
         let r = self.scene_inner(Some(l), slope, length);
-        if !recover(r.map(|()| true), false)? && self.outcome == Outcome::Reached {
+        if !recover(r.map(|()| true), false)? && self.log.outcome == Outcome::Reached {
             let text = "the scene is not defined at this event, or its inertia is not positive definite there";
             return Ok(self.fail(Outcome::NoContinuation, text.into()));
         }
         // behind an impact everything may happen soon again
-        self.h = grown;
-        self.err_before = 1e-4;
-        if self.outcome != Outcome::Reached {
+        self.stepper.h = grown;
+        self.stepper.err_before = 1e-4;
+        if self.log.outcome != Outcome::Reached {
             return Ok(Progress::Done);
         }
-        if self.impacts.len() > n {
+        if self.log.impacts.len() > n {
             // bodies that meet in heaps have many impacts at nearly one time; without end they accumulate
-            if self.t - self.burst.0 > self.no_time() {
-                self.burst = (self.t, 0);
+            if self.t - self.contact_events.burst.0 > self.no_time() {
+                self.contact_events.burst = (self.t, 0);
             }
-            self.burst.1 += 1;
-            if self.burst.1 > BURST {
+            self.contact_events.burst.1 += 1;
+            if self.contact_events.burst.1 > BURST {
                 let text = format!("{BURST} impacts in no time: they accumulate{BY_STEPS}");
                 return Ok(self.fail(Outcome::Zeno, text));
             }
@@ -214,7 +214,7 @@ impl Engine {
         const LEAST: f64 = 1e-6;
         /// Those that may be, as the point is not exact.
         const LITTLE: f64 = 1e-2;
-        let (s, n_z, row) = (&self.step, self.field.n_z, &mut self.scene.row);
+        let (s, n_z, row) = (&self.stepper.step, self.field.n_z, &mut self.contact_events.scene.row);
         row.clear();
         row.resize(n_z, 0.0);
         let there = self.field.with_contacts(t, x, |c, at, _| c.dynamics.gap_gradient(at, contact, row));
@@ -237,18 +237,18 @@ impl Engine {
              zero there, as a distance and not as a power of it"
         );
         self.fail(Outcome::NoContinuation, text);
-        Err(Error::Range(self.reason.clone()))
+        Err(Error::Range(self.log.reason.clone()))
     }
 
     /// Is each entry of the gradient of a gap, as it is in `scene.row`, at most this share of what it was at the start of the step? A motion
     /// along a surface changes its gap by nothing, too, but there the gradient is as long as before.
     fn gradient_falls(&mut self, contact: usize, share: f64) -> bool {
         let mut before = vec![0.0; self.field.n_z];
-        let r = self
-            .field
-            .with_contacts(self.step.t, &self.step.x0, |c, at, _| c.dynamics.gap_gradient(at, contact, &mut before));
+        let r = self.field.with_contacts(self.stepper.step.t, &self.stepper.step.x0, |c, at, _| {
+            c.dynamics.gap_gradient(at, contact, &mut before)
+        });
         let falls = |(now, before): (&f64, &f64)| now.abs() <= share * before.abs();
-        matches!(r, Some(Ok(()))) && self.scene.row.iter().zip(&before).all(falls)
+        matches!(r, Some(Ok(()))) && self.contact_events.scene.row.iter().zip(&before).all(falls)
     }
 
     /// Does the way to the zero of a gap, along the velocity, halve in every step of Newton's method? Then the zero is a double
@@ -256,7 +256,7 @@ impl Engine {
     fn halves(&mut self, contact: usize, t: f64, x: &[f64]) -> bool {
         const STEPS: usize = 10;
         let (mut t, mut there) = (t, x.to_vec());
-        let s = &self.step;
+        let s = &self.stepper.step;
         let part = ((t - s.t) / s.h).clamp(0.0, 1.0);
         let velocity: Vec<f64> = s.f0.iter().zip(&s.f1).map(|(a, b)| a + part * (b - a)).collect();
         let (mut ways, mut steps) = (0, 0);
@@ -297,16 +297,16 @@ impl Engine {
     /// Everything that happens at the present point: the end of a slide in space, impacts, the next modes. `l` is the watch
     /// that vanishes, none at the start or where controls or parameters have changed.
     fn scene_inner(&mut self, l: Option<usize>, slope: f64, length: f64) -> std::result::Result<(), EvalError> {
-        self.scene.before.clone_from(&self.field.active);
-        self.scene.resets.clear();
-        let event = l.and_then(|l| match self.watches[l] {
+        self.contact_events.scene.before.clone_from(&self.field.active);
+        self.contact_events.scene.resets.clear();
+        let event = l.and_then(|l| match self.functions.watches[l] {
             Watch::Contact { contact, what, .. } => Some((contact, what)),
             _ => None,
         });
         let (mut rate, mut again) = (slope, false);
         if let Some(l) = l {
             self.arrive()?;
-            let own = self.watches[l].rate_in(&self.field.q, &self.field.dq, &self.field, &self.f);
+            let own = self.functions.watches[l].rate_in(&self.field.q, &self.field.dq, &self.field, &self.f);
             rate = if own.is_finite() { own } else { slope };
             self.field.renew_sizes(self.t, &self.x, event.map(|e| e.0))?;
             again = event.is_some_and(|e| self.closes_again(e, rate));
@@ -315,28 +315,28 @@ impl Engine {
             }
         } else {
             self.f.fill(0.0);
-            let r = self.field.rhs(self.t, &self.x, &mut self.node);
+            let r = self.field.rhs(self.t, &self.x, &mut self.stepper.node);
             if r.is_ok() {
-                self.f.copy_from_slice(&self.node);
+                self.f.copy_from_slice(&self.stepper.node);
             }
             r?;
             self.field.contact_sizes(self.t, &self.x)?;
         }
         self.f_before.copy_from_slice(&self.f);
-        let recorded = self.sens.is_some() || self.tape.is_some();
+        let recorded = self.derivatives.sens.is_some() || self.derivatives.tape.is_some();
         let meeting = if recorded && !again { self.meeting(event)? } else { None };
         let together = match meeting {
-            Some(m) => Some((self.follow_orders(&m, length)?, m, self.sens.as_ref().map(|s| s.s.clone()))),
+            Some(m) => Some((self.follow_orders(&m, length)?, m, self.derivatives.sens.as_ref().map(|s| s.s.clone()))),
             None => None,
         };
-        if let Some(s) = &mut self.sens {
+        if let Some(s) = &mut self.derivatives.sens {
             s.advance(&self.f_before, 1.0);
         }
         if let Some((contact, ContactWatch::Speed)) = event {
             self.stop_in_space(contact)?;
         }
-        let start = self.impacts.len();
-        (self.scene.merges, self.scene.unseen) = match event {
+        let start = self.log.impacts.len();
+        (self.contact_events.scene.merges, self.contact_events.scene.unseen) = match event {
             Some((contact, ContactWatch::Gap)) => {
                 let unseen = self.flight_is_unseen(contact)?.then_some(contact);
                 (self.flight_is_short(contact)?, unseen)
@@ -344,35 +344,38 @@ impl Engine {
             _ => (false, None),
         };
         let unique_impact = self.collide(event, recorded)?;
-        if self.outcome != Outcome::Reached {
+        if self.log.outcome != Outcome::Reached {
             return Ok(());
         }
-        let mut unique = self.next_modes(event, length, recorded, self.impacts.len() == start)?;
-        if self.scene.merges && self.outcome == Outcome::Reached && !self.come_together()? {
+        let mut unique = self.next_modes(event, length, recorded, self.log.impacts.len() == start)?;
+        if self.contact_events.scene.merges && self.log.outcome == Outcome::Reached && !self.come_together()? {
             // to close them all would move the bodies by more than the tolerances allow
-            self.scene.merges = false;
-            self.scene.flights += 1;
+            self.contact_events.scene.merges = false;
+            self.contact_events.scene.flights += 1;
             unique &= self.next_modes(event, length, recorded, false)?;
         }
-        if self.outcome != Outcome::Reached {
+        if self.log.outcome != Outcome::Reached {
             return Ok(());
         }
         let t = self.t;
-        let SceneRoom { left, touching, .. } = &mut self.scene;
+        let SceneRoom { left, touching, .. } = &mut self.contact_events.scene;
         left.resize(self.field.active.len(), f64::NEG_INFINITY);
         // what has been struck may have a rate beyond rounding that is none
-        let struck = self.impacts[start..].iter().map(|i| i.contact);
+        let struck = self.log.impacts[start..].iter().map(|i| i.contact);
         touching.iter().copied().chain(struck).for_each(|i| left[i] = t);
-        if self.scene.merges {
-            self.stats.accumulations += 1;
-            self.one_sided = true;
+        if self.contact_events.scene.merges {
+            self.log.stats.accumulations += 1;
+            self.log.one_sided = true;
         }
-        if self.scene.merges || self.scene.creeps || self.scene.unseen.is_some() {
+        if self.contact_events.scene.merges
+            || self.contact_events.scene.creeps
+            || self.contact_events.scene.unseen.is_some()
+        {
             self.bring_together()?;
         }
         self.enter()?;
-        let several = self.impacts.len() - start > 1;
-        self.impacts[start..].iter_mut().for_each(|i| i.simultaneous = several);
+        let several = self.log.impacts.len() - start > 1;
+        self.log.impacts[start..].iter_mut().for_each(|i| i.simultaneous = several);
         let met = match together {
             Some((orders, meeting, before)) => self.differentiate_meeting(&meeting, orders, before, start)?,
             None => {
@@ -380,29 +383,29 @@ impl Engine {
                 Met::default()
             }
         };
-        self.one_sided |= !unique || !met.both && (!unique_impact || several);
-        let one_sided = self.one_sided;
+        self.log.one_sided |= !unique || !met.both && (!unique_impact || several);
+        let one_sided = self.log.one_sided;
         unique &= unique_impact;
-        if self.field.active == self.scene.before {
-            if self.impacts.len() == start {
+        if self.field.active == self.contact_events.scene.before {
+            if self.log.impacts.len() == start {
                 // nothing has changed: a force or a speed that only touches zero
-                self.crowd += 1;
-                if self.crowd > 20 {
+                self.calendar.crowd += 1;
+                if self.calendar.crowd > 20 {
                     let text = format!("the contact modes contradict each other{BY_STEPS}");
                     self.fail(Outcome::NoContinuation, text);
                 }
                 if let Some(l) = l {
-                    self.depart[l] = self.depart[l].max(2);
+                    self.functions.depart[l] = self.functions.depart[l].max(2);
                 }
             }
         } else {
-            let before = std::mem::take(&mut self.scene.before);
-            let from = self.switches.len();
+            let before = std::mem::take(&mut self.contact_events.scene.before);
+            let from = self.log.switches.len();
             self.log(&before, rate, None, unique);
-            self.scene.before = before;
+            self.contact_events.scene.before = before;
             self.time_switches(from, &met.times);
             if met.both {
-                self.one_sided = one_sided;
+                self.log.one_sided = one_sided;
             }
         }
         self.note_phase();
@@ -412,7 +415,7 @@ impl Engine {
     /// Does a contact that an event has left at this very time close at a rate that is rounding? Its time is that of the event: a rate which is
     /// rounding says nothing of how it changes.
     fn closes_again(&self, (contact, what): (usize, ContactWatch), rate: f64) -> bool {
-        let since = self.t - self.scene.left.get(contact).copied().unwrap_or(f64::NEG_INFINITY);
+        let since = self.t - self.contact_events.scene.left.get(contact).copied().unwrap_or(f64::NEG_INFINITY);
         let size = self.field.scene().map_or(0.0, |c| c.sizes[contact][3]);
         what == ContactWatch::Gap && since <= 64.0 * EPS * self.t.abs() && rate.abs() <= AT_REST * size
     }
@@ -420,18 +423,18 @@ impl Engine {
     /// Derivatives behind an event, of which all that happens does so at the same time also nearby.
     /// What happens `again` does so at the time of the event before it.
     pub(super) fn differentiate_impacts(&mut self, start: usize, again: bool) {
-        if let Some(s) = &mut self.sens {
+        if let Some(s) = &mut self.derivatives.sens {
             s.advance(&self.f, -1.0);
         }
-        if let Some(tape) = self.tape.as_mut().filter(|_| again) {
-            tape.jump_again(self.t, &self.f, &self.scene.resets, 64.0 * EPS * self.t.abs());
-        } else if let Some(tape) = &mut self.tape {
-            let n_c = self.time_row.len() - 1;
+        if let Some(tape) = self.derivatives.tape.as_mut().filter(|_| again) {
+            tape.jump_again(self.t, &self.f, &self.contact_events.scene.resets, 64.0 * EPS * self.t.abs());
+        } else if let Some(tape) = &mut self.derivatives.tape {
+            let n_c = self.derivatives.time_row.len() - 1;
             tape.jump(
-                (self.switches.len(), start),
-                &self.time_row[..n_c],
+                (self.log.switches.len(), start),
+                &self.derivatives.time_row[..n_c],
                 [&self.f_before, &self.f],
-                &self.scene.resets,
+                &self.contact_events.scene.resets,
             );
         }
     }
@@ -439,10 +442,10 @@ impl Engine {
     /// Notes the modes from here on.
     fn note_phase(&mut self) {
         let starting = self.field.with_contacts(self.t, &[], |c, _, _| std::mem::take(&mut c.dynamics.starting));
-        if self.phases.len() >= self.options.max_log {
+        if self.contact_events.phases.len() >= self.options.max_log {
             return;
         }
-        let (field, last) = (&self.field, self.phases.last());
+        let (field, last) = (&self.field, self.contact_events.phases.last());
         let modes = || field.active.iter().map(|s| s[0]);
         if last.is_some_and(|p| p.modes.iter().copied().eq(modes()) && p.u == field.u && p.p == field.p) {
             return;
@@ -457,7 +460,7 @@ impl Engine {
             unseen: field.scene().map_or(0.0, |c| c.dynamics.begins[contact]),
         });
         let starting = starting.collect();
-        self.phases.push(Phase { t: self.t, modes: modes().collect(), redundant, starting, u, p });
+        self.contact_events.phases.push(Phase { t: self.t, modes: modes().collect(), redundant, starting, u, p });
     }
 
     /// What is left of a slide in space goes along the tangent, see [`contact::STOP`].
@@ -477,7 +480,7 @@ impl Engine {
         }
         self.x.iter_mut().zip(&self.f).for_each(|(x, f)| *x += left * f);
         self.t += left;
-        if let Some(tape) = &mut self.tape {
+        if let Some(tape) = &mut self.derivatives.tape {
             tape.move_end(self.t);
         }
         let mut x = self.x.clone();
@@ -497,14 +500,14 @@ impl Engine {
     /// turn, for ever, move a little faster than the tolerances see. Bodies that carry each other knock contacts open which close again, in ever shorter time; the motion goes
     /// on behind that where all that hardly moves is taken as closed.
     fn flight_is_short(&mut self, i: usize) -> std::result::Result<bool, EvalError> {
-        let since = self.t - self.scene.left.get(i).copied().unwrap_or(f64::NEG_INFINITY);
+        let since = self.t - self.contact_events.scene.left.get(i).copied().unwrap_or(f64::NEG_INFINITY);
         if !since.is_finite() || self.field.scene().is_some_and(|c| c.dynamics.is_first_order()) {
-            self.scene.flights = 0;
+            self.contact_events.scene.flights = 0;
             return Ok(false);
         }
-        let (rtol, atol, row) = (&self.rtol, &self.atol, &mut self.scene.row);
+        let (rtol, atol, row) = (&self.rtol, &self.atol, &mut self.contact_events.scene.row);
         let n_z = self.field.n_z;
-        let patience = 1.0 + self.scene.flights as f64 / PATIENCE;
+        let patience = 1.0 + self.contact_events.scene.flights as f64 / PATIENCE;
         let r = self.field.with_contacts(self.t, &self.x, |c, at, _| {
             c.dynamics.load_gap(at, i)?;
             c.dynamics.load_contact(at, i)?;
@@ -514,8 +517,8 @@ impl Engine {
             Ok((!elastic && rate * since <= LAST * gap, rate <= speed * patience))
         });
         let (short, slow) = r.unwrap_or(Ok((false, false)))?;
-        self.scene.patience = patience;
-        self.scene.flights = if short { self.scene.flights + 1 } else { 0 };
+        self.contact_events.scene.patience = patience;
+        self.contact_events.scene.flights = if short { self.contact_events.scene.flights + 1 } else { 0 };
         Ok(short && slow)
     }
 
@@ -541,13 +544,13 @@ impl Engine {
 
     /// Can the contacts that are closed now be brought together without moving the bodies by more than the tolerances?
     fn come_together(&mut self) -> std::result::Result<bool, EvalError> {
-        let mut x = std::mem::take(&mut self.scene.after);
+        let mut x = std::mem::take(&mut self.contact_events.scene.after);
         x.clone_from(&self.x);
         let r = self
             .field
             .with_contacts(self.t, &self.x, |c, at, modes| c.dynamics.project(at, modes, &mut x, &|_, _| [-1.0; 2]));
-        let near = self.is_near(&x, self.scene.patience);
-        self.scene.after = x;
+        let near = self.is_near(&x, self.contact_events.scene.patience);
+        self.contact_events.scene.after = x;
         self.field.forget();
         r.unwrap_or(Ok(false)).map(|_| near)
     }
@@ -564,15 +567,15 @@ impl Engine {
 
     /// The gaps of contacts that are taken as closed, their rates, and the velocities of those that rest, become zero.
     fn bring_together(&mut self) -> std::result::Result<(), EvalError> {
-        let mut x = std::mem::take(&mut self.scene.after);
+        let mut x = std::mem::take(&mut self.contact_events.scene.after);
         x.clone_from(&self.x);
         let r = self
             .field
             .with_contacts(self.t, &self.x, |c, at, modes| c.dynamics.project(at, modes, &mut x, &|_, _| [-1.0; 2]));
-        if self.scene.merges || self.scene.unseen.is_none() || self.is_near(&x, 1.0) {
+        if self.contact_events.scene.merges || self.contact_events.scene.unseen.is_none() || self.is_near(&x, 1.0) {
             self.x.copy_from_slice(&x);
         }
-        self.scene.after = x;
+        self.contact_events.scene.after = x;
         self.field.forget();
         r.unwrap_or(Ok(false)).map(|_| ())
     }
@@ -581,7 +584,7 @@ impl Engine {
     pub(super) fn touching(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
         let first = event.is_none();
         let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
-        let SceneRoom { touching: out, row, merges, .. } = &mut self.scene;
+        let SceneRoom { touching: out, row, merges, .. } = &mut self.contact_events.scene;
         out.clear();
         let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             for (i, set) in modes.iter().enumerate() {
@@ -628,12 +631,13 @@ impl Engine {
             }
             listed = false;
             self.closed(event)?;
-            let list: Vec<(usize, Option<f64>)> = self.scene.closed.iter().map(|c| (c.contact, Some(0.0))).collect();
+            let list: Vec<(usize, Option<f64>)> =
+                self.contact_events.scene.closed.iter().map(|c| (c.contact, Some(0.0))).collect();
             self.check_laws(&list);
-            if self.outcome != Outcome::Reached {
+            if self.log.outcome != Outcome::Reached {
                 return Ok(false);
             }
-            let closed = &self.scene.closed;
+            let closed = &self.contact_events.scene.closed;
             let found = self.field.with_contacts(self.t, &self.x, |c, at, _| {
                 let sizes = &c.sizes;
                 let loaded = c.is_at(at);
@@ -654,7 +658,7 @@ impl Engine {
             if self.strike(&list, ImpactKind::Painleve, recorded)?.is_none() {
                 break;
             }
-            self.one_sided = true;
+            self.log.one_sided = true;
         }
         let text = "no contact forces continue the motion: friction and normal force contradict each other (Painlevé)";
         self.fail(Outcome::NoContinuation, text.into());
@@ -711,7 +715,7 @@ impl Engine {
         let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
         /// Share of its size below which a sliding velocity may be zero, if others that stop say so.
         const STILL: f64 = 1e-3;
-        let SceneRoom { touching: all, closed: out, row, merges, creeps, unseen, .. } = &mut self.scene;
+        let SceneRoom { touching: all, closed: out, row, merges, creeps, unseen, .. } = &mut self.contact_events.scene;
         let mut likely = Vec::new();
         *creeps = false;
         out.clear();

@@ -43,19 +43,19 @@ impl Engine {
     /// Decides which contacts are looked at in the step that was tried, and evaluates those that were not until now where it
     /// begins.
     pub(super) fn look_near(&mut self) -> std::result::Result<(), EvalError> {
-        if !self.field.look_near(&self.step, self.step_implicit) {
+        if !self.field.look_near(&self.stepper.step, self.stepper.step_implicit) {
             return Ok(());
         }
-        self.looked.clear();
-        for (l, w) in self.watches.iter().enumerate() {
+        self.functions.looked.clear();
+        for (l, w) in self.functions.watches.iter().enumerate() {
             if !self.field.looks_at(w) {
                 continue;
             }
-            self.looked.push(l);
+            self.functions.looked.push(l);
             if let Watch::Contact { contact, what: ContactWatch::Gap, a } = *w {
-                if let Some([gap, rate]) = self.field.approach(contact, &self.step)? {
-                    (self.q0[a], self.q0[a + TO_RATE]) = (gap, rate);
-                    (self.w0[l], self.depart[l]) = (gap, 0);
+                if let Some([gap, rate]) = self.field.approach(contact, &self.stepper.step)? {
+                    (self.functions.q0[a], self.functions.q0[a + TO_RATE]) = (gap, rate);
+                    (self.functions.w0[l], self.functions.depart[l]) = (gap, 0);
                 }
             }
         }
@@ -68,11 +68,11 @@ impl Engine {
         if !self.field.has_contacts() {
             return None;
         }
-        self.wanted.fill(false);
+        self.contact_events.wanted.fill(false);
         let mut forces = false;
-        for &l in self.looked.iter().filter(|l| self.suspect[**l]) {
-            if let Watch::Contact { contact, what, .. } = self.watches[l] {
-                self.wanted[contact] = true;
+        for &l in self.functions.looked.iter().filter(|l| self.functions.suspect[**l]) {
+            if let Watch::Contact { contact, what, .. } = self.functions.watches[l] {
+                self.contact_events.wanted[contact] = true;
                 forces |= what.is_force();
             }
         }
@@ -83,28 +83,29 @@ impl Engine {
     /// quarters where forces are not known at the stages.
     pub(super) fn look_inside(&mut self) -> std::result::Result<(), EvalError> {
         let closed = self.field.active.iter().any(|set| set[0] != mode::OPEN);
-        let (quarters, forces) = (closed && self.step_implicit, closed && self.stages().is_none_or(|s| s.middle));
-        for (w, set) in self.wanted.iter_mut().zip(&self.field.active) {
+        let (quarters, forces) =
+            (closed && self.stepper.step_implicit, closed && self.stages().is_none_or(|s| s.middle));
+        for (w, set) in self.contact_events.wanted.iter_mut().zip(&self.field.active) {
             *w = set[0] != mode::OPEN;
         }
-        let (h, t) = (self.step.h, self.step.t);
+        let (h, t) = (self.stepper.step.h, self.stepper.step.t);
         for (k, s) in [(0, 0.25), (2, 0.75), (1, 0.5)] {
             if k != 1 && !quarters {
                 continue;
             }
             if let (1, Some(c)) = (k, self.field.scene()) {
                 // of open contacts the middle is enough
-                self.wanted.iter_mut().enumerate().for_each(|(i, w)| *w = c.is_near(i));
+                self.contact_events.wanted.iter_mut().enumerate().for_each(|(i, w)| *w = c.is_near(i));
             }
             let (a, b) = ((1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s), s * s * (3.0 - 2.0 * s));
             let (da, db) = (h * s * (1.0 - s) * (1.0 - s), h * s * s * (s - 1.0));
-            let step = &self.step;
-            for (i, m) in self.node.iter_mut().enumerate() {
+            let step = &self.stepper.step;
+            for (i, m) in self.stepper.node.iter_mut().enumerate() {
                 *m = a * step.x0[i] + b * step.x1[i] + da * step.f0[i] + db * step.f1[i];
             }
-            self.field.scene_values((t + s * h, &self.node), forces, |c| self.wanted[c])?;
-            for &l in &self.looked {
-                self.samples[l][k] = self.watches[l].value(&self.field.q, &self.field);
+            self.field.scene_values((t + s * h, &self.stepper.node), forces, |c| self.contact_events.wanted[c])?;
+            for &l in &self.functions.looked {
+                self.functions.samples[l][k] = self.functions.watches[l].value(&self.field.q, &self.field);
             }
         }
         Ok(())
@@ -112,8 +113,8 @@ impl Engine {
 
     /// Which stages of an explicit step tell how a contact force goes; none in implicit steps.
     fn stages(&self) -> Option<&'static StagesOfForce> {
-        match self.pair {
-            _ if self.step_implicit => None,
+        match self.stepper.pair {
+            _ if self.stepper.step_implicit => None,
             // which scenes are not integrated by
             Pair::Bs3 => None,
             Pair::Dp5 => Some(&DP5),
@@ -125,8 +126,8 @@ impl Engine {
     /// its values, relative to a tenth of its size?
     pub(super) fn screen_force(&self, l: usize, contact: usize, what: ContactWatch) -> (bool, f64) {
         const FRACTION: f64 = 0.1;
-        let (w0, w1) = (self.w0[l], self.w1[l]);
-        let samples = &self.samples[l];
+        let (w0, w1) = (self.functions.w0[l], self.functions.w1[l]);
+        let samples = &self.functions.samples[l];
         let (mut low, mut high) = (w0.min(w1), w0.max(w1));
         let mut note = |v: f64| (low, high) = (low.min(v), high.max(v));
         let error = match self.stages().zip(self.field.force_at_stages(contact, what)) {
@@ -143,17 +144,18 @@ impl Engine {
                 (b - (4.0 * (a + c) - w0 - w1) / 6.0).abs()
             }
         };
-        let rounding = 1e3 * EPS * self.watches[l].scale(&self.dq0, &self.field, self.t, &self.x).value;
+        let rounding =
+            1e3 * EPS * self.functions.watches[l].scale(&self.functions.dq0, &self.field, self.t, &self.x).value;
         (low <= 4.0 * error + 0.25 * (high - low), error / (FRACTION * high.abs().max(low.abs()) + rounding))
     }
 
     /// Order of the zero a function of a contact has at the start of a phase.
     pub(super) fn contact_departs(&mut self, w: Watch, value: f64) -> u8 {
         let Watch::Contact { contact, what, a } = w else { return 0 };
-        let scale = w.scale(&self.dq0, &self.field, self.t, &self.x).value;
+        let scale = w.scale(&self.functions.dq0, &self.field, self.t, &self.x).value;
         let Some(c) = self.field.scene() else { return 0 };
         let rate_size = c.sizes[contact][3];
-        let rate = self.q0[a + TO_RATE];
+        let rate = self.functions.q0[a + TO_RATE];
         let near = (64.0 * EPS * scale).max(8.0 * EPS * rate.abs() * self.t.abs());
         match what {
             _ if what.is_force() => u8::from(value <= 1e-9 * scale),
@@ -203,7 +205,7 @@ impl Engine {
 
     /// A coordinate beyond the bounds that the reduction relies on.
     pub(super) fn outside(&self) -> Option<usize> {
-        let bounds = &self.field.scene().filter(|_| !self.passes_bounds)?.dynamics.mechanics.bounds;
+        let bounds = &self.field.scene().filter(|_| !self.contact_events.passes_bounds)?.dynamics.mechanics.bounds;
         let mut all = bounds.iter().zip(&self.x).enumerate();
         all.find(|(_, (b, x))| b.is_some_and(|(low, high)| !(**x >= low && **x <= high))).map(|(i, _)| i)
     }

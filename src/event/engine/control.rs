@@ -105,11 +105,11 @@ pub(super) enum Tried {
 
 impl Engine {
     pub(super) fn set_weights(&mut self, with_end: bool) {
-        let (sharpness, s) = (self.sharpness(), &self.step);
+        let (sharpness, s) = (self.sharpness(), &self.stepper.step);
         let tolerances = self.atol.iter().zip(&self.rtol);
         let ends = s.x0.iter().zip(if with_end { &s.x1 } else { &s.f0 });
         let by = if with_end { 1.0 } else { s.h };
-        for ((w, (atol, rtol)), (start, other)) in self.weights.iter_mut().zip(tolerances).zip(ends) {
+        for ((w, (atol, rtol)), (start, other)) in self.stepper.weights.iter_mut().zip(tolerances).zip(ends) {
             let size = start.abs().max((by * other).abs());
             *w = 1.0 / (sharpness * atol + rtol * size).max(f64::MIN_POSITIVE);
         }
@@ -126,19 +126,21 @@ impl Engine {
 
     pub(super) fn attempt(&mut self) -> Result<Tried> {
         // that of an attempt before, which was not accepted, says nothing about this one
-        self.dense_ready = false;
-        let r = if self.implicit {
+        self.stepper.dense_ready = false;
+        let r = if self.stepper.implicit {
             self.set_weights(false);
             let (shrink, tol) = self.shrink();
             let tolerances = (self.atol.as_slice(), self.rtol.as_slice());
-            self.radau.attempt(&mut self.field, &mut self.step, tolerances, shrink, tol).map(|a| match a {
-                Attempt::Error(e) => Tried::Error(e),
-                Attempt::Diverged => Tried::Diverged,
-            })
+            self.stepper.radau.attempt(&mut self.field, &mut self.stepper.step, tolerances, shrink, tol).map(
+                |a| match a {
+                    Attempt::Error(e) => Tried::Error(e),
+                    Attempt::Diverged => Tried::Diverged,
+                },
+            )
         } else {
-            explicit::attempt(self.pair, &mut self.field, &mut self.step).map(|()| {
+            explicit::attempt(self.stepper.pair, &mut self.field, &mut self.stepper.step).map(|()| {
                 self.set_weights(true);
-                let e = explicit::error(self.pair, &self.step, &self.weights);
+                let e = explicit::error(self.stepper.pair, &self.stepper.step, &self.stepper.weights);
                 if e.is_finite() {
                     Tried::Error(e)
                 } else {
@@ -147,25 +149,29 @@ impl Engine {
             })
         };
         if let Ok(Tried::Error(e)) = &r {
-            self.tried = *e;
+            self.stepper.tried = *e;
         }
         recover(r, Tried::Undefined)
     }
 
     /// Derivative at the end; false where it is not defined, or says that the estimate of the error means nothing.
     pub(super) fn finish(&mut self) -> Result<bool> {
-        let r = if self.implicit {
-            self.radau.finish(&mut self.field, &mut self.step)
-        } else if self.pair == Pair::Dop853 {
-            explicit::finish(self.pair, &mut self.field, &mut self.step)
+        let r = if self.stepper.implicit {
+            self.stepper.radau.finish(&mut self.field, &mut self.stepper.step)
+        } else if self.stepper.pair == Pair::Dop853 {
+            explicit::finish(self.stepper.pair, &mut self.field, &mut self.stepper.step)
         } else {
             Ok(())
         };
-        if !self.implicit && self.looks_for_stiffness(self.stats.steps + 1) {
+        if !self.stepper.implicit && self.looks_for_stiffness(self.log.stats.steps + 1) {
             // before the dense output, which has stages of its own
-            (self.stiffness, self.damped) = explicit::stiffness(self.pair, &self.step, &self.weights);
+            (self.stepper.stiffness, self.stepper.damped) =
+                explicit::stiffness(self.stepper.pair, &self.stepper.step, &self.stepper.weights);
         }
-        if r.is_ok() && !self.implicit && explicit::is_misjudged(self.pair, &self.step, &self.weights) {
+        if r.is_ok()
+            && !self.stepper.implicit
+            && explicit::is_misjudged(self.stepper.pair, &self.stepper.step, &self.stepper.weights)
+        {
             return Ok(false);
         }
         let r = r.and_then(|()| self.return_to_surfaces());
@@ -176,14 +182,14 @@ impl Engine {
     /// explicit method drifts off them is part of its local error (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical
     /// Integration* (2006), section IV.4, on projection methods: the order stays).
     fn return_to_surfaces(&mut self) -> std::result::Result<(), EvalError> {
-        if self.implicit || self.field.n_alg() == 0 {
+        if self.stepper.implicit || self.field.n_alg() == 0 {
             return Ok(());
         }
-        let s = &mut self.step;
-        self.node.copy_from_slice(&s.x1);
+        let s = &mut self.stepper.step;
+        self.stepper.node.copy_from_slice(&s.x1);
         if self.field.project(s.t + s.h, &mut s.x1)? {
-            self.node.iter_mut().zip(&s.x1).for_each(|(n, x)| *n -= x);
-            if step::norm(&self.node, &self.weights) > UNSEEN {
+            self.stepper.node.iter_mut().zip(&s.x1).for_each(|(n, x)| *n -= x);
+            if step::norm(&self.stepper.node, &self.stepper.weights) > UNSEEN {
                 self.field.rhs(s.t + s.h, &s.x1, &mut s.f1)?;
             }
         }
@@ -198,22 +204,22 @@ impl Engine {
     pub(super) fn note_end(&mut self, at_switch: bool) -> bool {
         /// Steps in a row, or more than there should be.
         const PATIENCE: usize = 8;
-        if self.implicit
+        if self.stepper.implicit
             || self.field.in_limit_set()
             || self.options.method != Method::Auto
             || self.field.has_contacts()
         {
             return false;
         }
-        let Cut { short, long, asked } = &mut self.cut;
+        let Cut { short, long, asked } = &mut self.stepper.cut;
         match at_switch {
             true => (*short, *long) = (*short + 1, long.saturating_sub(2)),
             false => (*short, *long, *asked) = (0, *long + 1, 0),
         }
         let (often, seldom) = (*short >= PATIENCE, *long >= PATIENCE);
-        let next = match self.pair {
+        let next = match self.stepper.pair {
             Pair::Dop853 if often => Pair::Dp5,
-            Pair::Dp5 if seldom && self.usual_pair == Pair::Dop853 => Pair::Dop853,
+            Pair::Dp5 if seldom && self.stepper.usual_pair == Pair::Dop853 => Pair::Dop853,
             // not asked again at every switch
             Pair::Dp5 if *short >= *asked + PATIENCE => {
                 *asked = *short;
@@ -222,22 +228,23 @@ impl Engine {
                     false => return false,
                 }
             }
-            Pair::Bs3 if seldom || self.tried > ACCURATE => Pair::Dp5,
+            Pair::Bs3 if seldom || self.stepper.tried > ACCURATE => Pair::Dp5,
             _ => return false,
         };
-        self.cut = Cut::default();
-        self.next_pair = next;
+        self.stepper.cut = Cut::default();
+        self.stepper.next_pair = next;
         true
     }
 
     /// Would the last step of the pair of order 5 have been far more accurate than asked for with that of order 3, too?
     fn lets_order_three(&self) -> bool {
-        self.is_worth_foresight() && explicit::error_of_order_three(&self.step, &self.weights) <= 0.5 * ACCURATE
+        self.is_worth_foresight()
+            && explicit::error_of_order_three(&self.stepper.step, &self.stepper.weights) <= 0.5 * ACCURATE
     }
 
     /// Is one step after the other cut short by a switch, in a system where evaluations cost more than looking ahead?
     pub(super) fn is_cut_short(&self) -> bool {
-        self.pair != self.usual_pair && self.is_worth_foresight()
+        self.stepper.pair != self.stepper.usual_pair && self.is_worth_foresight()
     }
 
     fn is_worth_foresight(&self) -> bool {
@@ -246,7 +253,7 @@ impl Engine {
 
     /// May steps end on their dense output? Contacts are held at the ends of steps.
     pub(super) fn may_end_inside(&self) -> bool {
-        !self.implicit
+        !self.stepper.implicit
             && self.options.method == Method::Auto
             && !self.field.has_contacts()
             && !self.field.in_limit_set()
@@ -257,9 +264,9 @@ impl Engine {
     pub(super) fn may_look_ahead(&self) -> bool {
         /// Once is chance.
         const OFTEN: usize = 2;
-        self.fresh
-            && self.cut.short >= OFTEN
-            && self.pair != Pair::Dop853
+        self.stepper.fresh
+            && self.stepper.cut.short >= OFTEN
+            && self.stepper.pair != Pair::Dop853
             && !self.field.many_functions()
             && self.may_end_inside()
     }
@@ -272,32 +279,34 @@ impl Engine {
     pub(super) fn time_to_first_switch(&mut self) -> Result<f64> {
         const POINT: f64 = 2.0 / 3.0;
         const LONG: f64 = 4.0;
-        self.expected = None;
+        self.functions.expected = None;
         if self.field.n_alg() > 0 {
             return Ok(f64::INFINITY);
         }
         let first = |e: &Engine, ahead: Option<f64>| {
             let mut least = (f64::INFINITY, f64::INFINITY, 0);
-            for (l, w) in e.watches.iter().enumerate() {
-                let Some(place) = w.place().filter(|_| e.depart[l] == 0) else { continue };
-                let rate = w.rate(&e.dq0, &e.field, &e.f);
+            for (l, w) in e.functions.watches.iter().enumerate() {
+                let Some(place) = w.place().filter(|_| e.functions.depart[l] == 0) else { continue };
+                let rate = w.rate(&e.functions.dq0, &e.field, &e.f);
                 let bend = match ahead {
-                    Some(by) if w.is_affine(&e.field) => 0.5 * (w.rate(&e.dq0, &e.field, &e.node) - rate) / by,
+                    Some(by) if w.is_affine(&e.field) => {
+                        0.5 * (w.rate(&e.functions.dq0, &e.field, &e.stepper.node) - rate) / by
+                    }
                     _ => 0.0,
                 };
-                let time = first_zero(e.w0[l], rate, bend);
-                let usual = ahead.map_or(1.0, |_| e.late[place]) * time;
+                let time = first_zero(e.functions.w0[l], rate, bend);
+                let usual = ahead.map_or(1.0, |_| e.functions.late[place]) * time;
                 if usual < least.0 {
                     least = (usual, time, place);
                 }
             }
             least
         };
-        let by = POINT * first(self, None).0.min(self.h);
-        for ((y, x), f) in self.step.y.iter_mut().zip(&self.x).zip(&self.f) {
+        let by = POINT * first(self, None).0.min(self.stepper.h);
+        for ((y, x), f) in self.stepper.step.y.iter_mut().zip(&self.x).zip(&self.f) {
             *y = x + by * f;
         }
-        let r = self.field.rhs(self.t + by, &self.step.y, &mut self.node);
+        let r = self.field.rhs(self.t + by, &self.stepper.step.y, &mut self.stepper.node);
         if !recover(r.map(|()| true), false)? {
             return Ok(f64::INFINITY);
         }
@@ -305,7 +314,7 @@ impl Engine {
         if LONG * time <= by || time.is_infinite() {
             return Ok(f64::INFINITY);
         }
-        self.expected = Some((place, self.t, time));
+        self.functions.expected = Some((place, self.t, time));
         Ok(MARGIN * usual)
     }
 
@@ -313,9 +322,9 @@ impl Engine {
     pub(super) fn note_late(&mut self, l: usize) {
         /// Where it is more than that, expectations mean nothing.
         const MOST: f64 = 2.0;
-        if let Some((place, t, time)) = self.expected.take() {
-            if self.watches[l].place() == Some(place) {
-                self.late[place] = ((self.t - t) / time).clamp(1.0 / MOST, MOST);
+        if let Some((place, t, time)) = self.functions.expected.take() {
+            if self.functions.watches[l].place() == Some(place) {
+                self.functions.late[place] = ((self.t - t) / time).clamp(1.0 / MOST, MOST);
             }
         }
     }
@@ -327,41 +336,41 @@ impl Engine {
         /// Guesses that are farther than so many of the last steps are asked again after so many steps.
         const FAR: f64 = 32.0;
         const AGAIN: usize = 8;
-        let last = self.step.h;
-        let known = self.stats.steps > 0 && last > 0.0;
-        let n_q = self.q0.len();
+        let last = self.stepper.step.h;
+        let known = self.log.stats.steps > 0 && last > 0.0;
+        let n_q = self.functions.q0.len();
         let soon = self.t + FAR * last;
-        let round = self.guesses % AGAIN;
-        self.guesses += 1;
+        let round = self.functions.guesses % AGAIN;
+        self.functions.guesses += 1;
         let mut least = f64::INFINITY;
-        for l in 0..self.watches.len() {
-            let w = &self.watches[l];
+        for l in 0..self.functions.watches.len() {
+            let w = &self.functions.watches[l];
             let place = match *w {
                 Watch::Enter { a, .. } | Watch::Guard { a, .. } | Watch::Contact { a, .. } => a,
                 Watch::Leave { cell, .. } => n_q + cell,
             };
             // NaN is asked
-            if place % AGAIN != round && self.due[place] > soon || self.depart[l] != 0 {
+            if place % AGAIN != round && self.functions.due[place] > soon || self.functions.depart[l] != 0 {
                 continue;
             }
-            let value = self.w0[l];
+            let value = self.functions.w0[l];
             let (rate, bend) = match *w {
                 Watch::Leave { sub, cell } => {
-                    let before = self.last_weights[sub];
+                    let before = self.functions.last_weights[sub];
                     let k = value - self.field.theta_of_pair(cell, before);
                     (if known { k / last } else { 0.0 }, 0.0)
                 }
                 _ => {
-                    let rate = w.rate(&self.dq0, &self.field, &self.f);
+                    let rate = w.rate(&self.functions.dq0, &self.field, &self.f);
                     let change = match known && w.is_affine(&self.field) {
-                        true => rate - w.rate_at(&self.dq0, &self.field, |i| self.step.f0[i]),
+                        true => rate - w.rate_at(&self.functions.dq0, &self.field, |i| self.stepper.step.f0[i]),
                         false => 0.0,
                     };
                     (rate, 0.5 * change / last)
                 }
             };
             let left = first_zero(value, rate, bend);
-            self.due[place] = self.t + left;
+            self.functions.due[place] = self.t + left;
             least = least.min(left);
         }
         MARGIN * least
@@ -376,7 +385,7 @@ impl Engine {
         match self.options.method {
             Method::Radau5 => true,
             Method::Dp5 | Method::Dop853 => false,
-            Method::Auto => self.stiff_mode && self.sharpness() == 1.0,
+            Method::Auto => self.stepper.stiff_mode && self.sharpness() == 1.0,
         }
     }
 
@@ -385,22 +394,22 @@ impl Engine {
     /// stability, where its dense output has zeros that the solution has not.
     pub(super) fn begins_stiff(&self) -> bool {
         let slid = |(set, stiff): (&Vec<usize>, &bool)| *stiff && set.len() > 1;
-        let fast = |pace: Pace| pace == Pace::Stiff || pace == Pace::Unknown && self.stiff_mode;
-        fast(self.stiff[self.stiff.len() - 1]) && self.field.active.is_empty()
-            || self.field.active_cells().any(|c| fast(self.stiff[c]))
-            || self.field.active.iter().zip(&self.stiff_slides).any(slid)
+        let fast = |pace: Pace| pace == Pace::Stiff || pace == Pace::Unknown && self.stepper.stiff_mode;
+        fast(self.stepper.stiff[self.stepper.stiff.len() - 1]) && self.field.active.is_empty()
+            || self.field.active_cells().any(|c| fast(self.stepper.stiff[c]))
+            || self.field.active.iter().zip(&self.stepper.stiff_slides).any(slid)
             // the direction of a slide in space turns at a rate that falls with the velocity, from infinity
             || self.field.scene().is_some_and(|c| c.dynamics.begins.iter().any(|b| *b > 0.0))
     }
 
     /// Step length after a success.
     pub(super) fn grown(&self, err: f64, rejected: bool) -> f64 {
-        let factor = if self.implicit {
+        let factor = if self.stepper.implicit {
             let n = radau::MAX_NEWTON as f64;
-            let safe = 0.9 * (2.0 * n + 1.0) / (2.0 * n + self.radau.last_newton as f64);
+            let safe = 0.9 * (2.0 * n + 1.0) / (2.0 * n + self.stepper.radau.last_newton as f64);
             let factor = (safe * err.max(1e-8).powf(-0.25)).clamp(0.2, 8.0);
             // a step that is hardly longer is not worth new factors
-            if self.radau.keeps() && (1.0..=1.2).contains(&factor) {
+            if self.stepper.radau.keeps() && (1.0..=1.2).contains(&factor) {
                 1.0
             } else {
                 factor
@@ -408,24 +417,24 @@ impl Engine {
         } else {
             // proportional-integral control, which the pair of order 8 does without
             // the first step of a scene is a guess, and flights and slides are often polynomials
-            let guessed = self.stats.steps == 0 && self.field.has_contacts();
+            let guessed = self.log.stats.steps == 0 && self.field.has_contacts();
             let least = if guessed { 1e-18 } else { 1e-10 };
-            let (factor, most) = match self.pair {
+            let (factor, most) = match self.stepper.pair {
                 Pair::Bs3 => (err.max(least).powf(-1.0 / 3.0), 5.0),
-                Pair::Dp5 => (err.max(least).powf(-0.17) * self.err_before.powf(0.04), 10.0),
+                Pair::Dp5 => (err.max(least).powf(-0.17) * self.stepper.err_before.powf(0.04), 10.0),
                 Pair::Dop853 => (1.0 / err.max(least).sqrt().sqrt().sqrt(), 6.0),
             };
             let most = if guessed { 100.0 } else { most };
             (0.9 * factor).clamp(0.333, most)
         };
-        if self.foreseen && !rejected {
+        if self.stepper.foreseen && !rejected {
             // what ends at a switch says nothing about longer steps
-            return self.h.min(self.options.h_max);
+            return self.stepper.h.min(self.options.h_max);
         }
-        let h = self.step.h * if rejected { factor.min(1.0) } else { factor };
+        let h = self.stepper.step.h * if rejected { factor.min(1.0) } else { factor };
         // the last step before a stop is short for that reason alone
-        let wanted = self.h.min(self.options.h_max);
-        if !rejected && self.step.h < 0.999 * wanted {
+        let wanted = self.stepper.h.min(self.options.h_max);
+        if !rejected && self.stepper.step.h < 0.999 * wanted {
             h.max(wanted)
         } else {
             h
@@ -438,25 +447,27 @@ impl Engine {
     /// where switches accumulate no first step is like the one before.
     pub(super) fn begin_as_before(&mut self) {
         let mut changed = (0..self.before.len()).filter(|k| !sets::same_set(&self.before[*k], &self.field.active[*k]));
-        self.entered = match (changed.next(), changed.next()) {
-            (Some(k), None) if self.implicit && self.field.active[k].len() == 1 => Some(self.field.active[k][0]),
+        self.stepper.entered = match (changed.next(), changed.next()) {
+            (Some(k), None) if self.stepper.implicit && self.field.active[k].len() == 1 => {
+                Some(self.field.active[k][0])
+            }
             _ => None,
         };
-        if let Some(cell) = self.entered {
-            self.h = self.h.min(self.first_steps[cell].longest());
+        if let Some(cell) = self.stepper.entered {
+            self.stepper.h = self.stepper.h.min(self.stepper.first_steps[cell].longest());
         }
     }
 
     /// The first step behind a switch is accepted, and `next` is what its error asks for.
     pub(super) fn note_first_step(&mut self, next: f64, rejected: bool) {
-        if let Some(cell) = self.entered.take() {
-            self.first_steps[cell].note(next, rejected);
+        if let Some(cell) = self.stepper.entered.take() {
+            self.stepper.first_steps[cell].note(next, rejected);
         }
     }
 
     /// Factor of the step length after a failure.
     pub(super) fn shrunk(&self, err: f64) -> f64 {
-        let order = if self.implicit { 4.0 } else { self.pair.order() };
+        let order = if self.stepper.implicit { 4.0 } else { self.stepper.pair.order() };
         (0.9 * err.powf(-1.0 / order)).clamp(0.1, 0.9)
     }
 
@@ -468,12 +479,15 @@ impl Engine {
     pub(super) fn variational_step(&mut self) -> Result<f64> {
         /// Steps from one look to the next, where the steps are well below the limit.
         const LOOK: usize = 8;
-        if self.implicit || self.field.in_limit_set() || (self.sens.is_none() && self.tape.is_none()) {
+        if self.stepper.implicit
+            || self.field.in_limit_set()
+            || (self.derivatives.sens.is_none() && self.derivatives.tape.is_none())
+        {
             return Ok(f64::INFINITY);
         }
-        let (limit, last) = self.variational;
-        let far = self.h < 0.5 * limit && self.stats.steps < last + LOOK;
-        if far && !self.fresh && last <= self.stats.steps {
+        let (limit, last) = self.derivatives.variational;
+        let far = self.stepper.h < 0.5 * limit && self.log.stats.steps < last + LOOK;
+        if far && !self.stepper.fresh && last <= self.log.stats.steps {
             return Ok(limit);
         }
         let r = self.field.linearise(self.t, &self.x);
@@ -481,7 +495,7 @@ impl Engine {
             return Ok(f64::INFINITY);
         }
         let rtol = self.rtol.iter().fold(f64::INFINITY, |m, v| m.min(*v)).clamp(1e-14, 0.1);
-        let (p, factorial) = match self.pair {
+        let (p, factorial) = match self.stepper.pair {
             Pair::Bs3 => (4.0, 24.0),
             Pair::Dp5 => (6.0, 720.0),
             Pair::Dop853 => (9.0, 362_880.0),
@@ -489,12 +503,12 @@ impl Engine {
         let (modulus, damped) = self.fastest_mode();
         // next to a stop in space the direction of friction turns ever faster, and where it turns to is what counts
         let damped = damped && !self.field.slides_in_space();
-        let reach = if damped { 0.5 * self.pair.stability() } else { (factorial * rtol).powf(1.0 / p) };
+        let reach = if damped { 0.5 * self.stepper.pair.stability() } else { (factorial * rtol).powf(1.0 / p) };
         let limit = reach / modulus.max(f64::MIN_POSITIVE);
-        self.variational = (limit, self.stats.steps);
-        self.held_back = if damped && self.h > limit { self.held_back + 1 } else { 0 };
-        if self.held_back > STIFF_STEPS && self.options.method == Method::Auto {
-            self.held_back = 0;
+        self.derivatives.variational = (limit, self.log.stats.steps);
+        self.derivatives.held_back = if damped && self.stepper.h > limit { self.derivatives.held_back + 1 } else { 0 };
+        if self.derivatives.held_back > STIFF_STEPS && self.options.method == Method::Auto {
+            self.derivatives.held_back = 0;
             self.turn_stiff();
             return Ok(f64::INFINITY);
         }
@@ -506,11 +520,11 @@ impl Engine {
     fn fastest_mode(&mut self) -> (f64, bool) {
         const POWERS: usize = 8;
         let nx = self.nx;
-        let [v, w, z] = &mut self.powers;
+        let [v, w, z] = &mut self.derivatives.powers;
         let (field, x) = (&self.field, &self.x);
         // all states measured by their size, or as they are where they have none
         let size = |i: usize| Some(field.size(i, x[i])).filter(|s| *s > 0.0).unwrap_or(1.0);
-        let entries = &mut self.nonzero;
+        let entries = &mut self.derivatives.nonzero;
         entries.clear();
         for i in 0..nx {
             let own = field.velocity_rows().entries(i).filter(|e| e.0 < nx && e.1 != 0.0);
@@ -560,24 +574,24 @@ impl Engine {
     /// Back to the explicit pair where it is stable with the steps that accuracy allows, by a bound on the Jacobian
     /// that leaves room so that the methods do not take turns.
     fn watch_mildness(&mut self) {
-        if self.radau.speed() * self.step.h > MILD * self.pair.stability() {
-            self.mild_steps = 0;
+        if self.stepper.radau.speed() * self.stepper.step.h > MILD * self.stepper.pair.stability() {
+            self.stepper.mild_steps = 0;
             return;
         }
-        self.mild_steps += 1;
-        if self.mild_steps < MILD_STEPS {
+        self.stepper.mild_steps += 1;
+        if self.stepper.mild_steps < MILD_STEPS {
             return;
         }
-        (self.implicit, self.stiff_mode) = (false, false);
-        (self.stiff_steps, self.mild_steps) = (0, 0);
+        (self.stepper.implicit, self.stepper.stiff_mode) = (false, false);
+        (self.stepper.stiff_steps, self.stepper.mild_steps) = (0, 0);
         self.set_pace(Pace::Mild);
     }
 
     /// The present mode is stiff from here on.
     pub(super) fn turn_stiff(&mut self) {
-        (self.implicit, self.stiff_mode) = (true, true);
+        (self.stepper.implicit, self.stepper.stiff_mode) = (true, true);
         if self.field.n_alg() > 0 {
-            for (stiff, set) in self.stiff_slides.iter_mut().zip(&self.field.active) {
+            for (stiff, set) in self.stepper.stiff_slides.iter_mut().zip(&self.field.active) {
                 *stiff |= set.len() > 1;
             }
             return;
@@ -588,11 +602,11 @@ impl Engine {
     /// Notes how fast the present mode is.
     fn set_pace(&mut self, pace: Pace) {
         if self.field.active.is_empty() {
-            let none = self.stiff.len() - 1;
-            self.stiff[none] = pace;
+            let none = self.stepper.stiff.len() - 1;
+            self.stepper.stiff[none] = pace;
         }
         for c in self.field.active_cells() {
-            self.stiff[c] = pace;
+            self.stepper.stiff[c] = pace;
         }
     }
 
@@ -602,18 +616,18 @@ impl Engine {
         /// Part of the stability, and how many steps that look stiff it is worth.
         const NEAR: f64 = 0.2;
         const WORTH: usize = 4;
-        if self.implicit
+        if self.stepper.implicit
             || self.options.method != Method::Auto
             || self.field.is_explicit_only()
-            || self.stiffness <= NEAR * self.pair.stability()
+            || self.stepper.stiffness <= NEAR * self.stepper.pair.stability()
         {
             return;
         }
-        self.mild_steps = 0;
-        self.stiff_steps += WORTH;
-        if self.stiff_steps >= STIFF_STEPS {
+        self.stepper.mild_steps = 0;
+        self.stepper.stiff_steps += WORTH;
+        if self.stepper.stiff_steps >= STIFF_STEPS {
             self.turn_stiff();
-            self.step_implicit = true;
+            self.stepper.step_implicit = true;
         }
     }
 
@@ -629,9 +643,10 @@ impl Engine {
         /// Speeds that are the same, seen by attempts one of which is so much shorter.
         const SAME: f64 = 2.0;
         const SHORTER: f64 = 0.25;
-        let mild = |c: usize| self.stiff[c] == Pace::Mild;
-        let known = self.field.active.is_empty() && mild(self.stiff.len() - 1) || self.field.active_cells().any(mild);
-        if self.implicit
+        let mild = |c: usize| self.stepper.stiff[c] == Pace::Mild;
+        let known =
+            self.field.active.is_empty() && mild(self.stepper.stiff.len() - 1) || self.field.active_cells().any(mild);
+        if self.stepper.implicit
             || known
             || self.options.method != Method::Auto
             || self.field.is_explicit_only()
@@ -640,22 +655,23 @@ impl Engine {
             return Ok(false);
         }
         beyond.attempts += 1;
-        let high = self.pair == Pair::Dop853;
+        let high = self.stepper.pair == Pair::Dop853;
         if beyond.attempts == 1 {
-            beyond.longest = self.step.h;
+            beyond.longest = self.stepper.step.h;
             // one failure is nothing special, and for this pair a look costs an evaluation
             if high {
                 return Ok(false);
             }
         }
-        let r = if high { explicit::finish(self.pair, &mut self.field, &mut self.step) } else { Ok(()) };
+        let r =
+            if high { explicit::finish(self.stepper.pair, &mut self.field, &mut self.stepper.step) } else { Ok(()) };
         let known = recover(r.map(|()| true), false)?;
-        let (reach, _) = explicit::stiffness(self.pair, &self.step, &self.weights);
-        if !known || reach <= FAR * self.pair.stability() {
+        let (reach, _) = explicit::stiffness(self.stepper.pair, &self.stepper.step, &self.stepper.weights);
+        if !known || reach <= FAR * self.stepper.pair.stability() {
             beyond.seen = None;
             return Ok(false);
         }
-        let (h, speed) = (self.step.h, reach / self.step.h);
+        let (h, speed) = (self.stepper.step.h, reach / self.stepper.step.h);
         match beyond.seen {
             Some((length, _)) if h > SHORTER * length => Ok(false),
             Some((_, before)) if speed <= SAME * before && before <= SAME * speed => Ok(true),
@@ -668,36 +684,36 @@ impl Engine {
 
     /// Stiffness lasts: it is enough to look for it now and then, by the number of the step.
     fn looks_for_stiffness(&self, step: usize) -> bool {
-        self.stiff_steps > 0 || step % LOOK == 0
+        self.stepper.stiff_steps > 0 || step % LOOK == 0
     }
 
     pub(super) fn watch_stiffness(&mut self) {
-        let slides = self.implicit && self.field.n_alg() > 0;
+        let slides = self.stepper.implicit && self.field.n_alg() > 0;
         if self.options.method != Method::Auto || self.field.is_explicit_only() || slides {
             return;
         }
-        if self.implicit {
+        if self.stepper.implicit {
             self.watch_mildness();
             return;
         }
-        if !self.looks_for_stiffness(self.stats.steps) {
+        if !self.looks_for_stiffness(self.log.stats.steps) {
             return;
         }
         // Error control keeps the step a little below the limit of stability, where the embedded result is off: a damped mode that
         // steps of that length go on and on with is gone by many orders of magnitude, and nothing but stability is left of it. Not so
         // in a sliding mode that comes to rest like the root of a state, which gets ever faster.
-        let damped = self.damped && self.field.n_alg() == 0;
-        let limit = if damped { DAMPED } else { 1.0 } * self.pair.stability();
-        if self.stiffness > limit {
-            self.mild_steps = 0;
-            self.stiff_steps += 1;
-            if self.stiff_steps >= STIFF_STEPS {
+        let damped = self.stepper.damped && self.field.n_alg() == 0;
+        let limit = if damped { DAMPED } else { 1.0 } * self.stepper.pair.stability();
+        if self.stepper.stiffness > limit {
+            self.stepper.mild_steps = 0;
+            self.stepper.stiff_steps += 1;
+            if self.stepper.stiff_steps >= STIFF_STEPS {
                 self.turn_stiff();
             }
         } else {
-            self.mild_steps += 1;
-            if self.mild_steps >= 6 {
-                self.stiff_steps = 0;
+            self.stepper.mild_steps += 1;
+            if self.stepper.mild_steps >= 6 {
+                self.stepper.stiff_steps = 0;
             }
         }
     }
@@ -720,26 +736,26 @@ impl Engine {
             // without an absolute tolerance a component that happens to be zero says nothing about its size
             let value = if size > 0.0 { self.x[i].abs() } else { BLIND * largest };
             let tol = self.atol[i] + self.rtol[i] * value;
-            self.weights[i] = 1.0 / tol.max(f64::MIN_POSITIVE);
-            self.node[i] = size;
+            self.stepper.weights[i] = 1.0 / tol.max(f64::MIN_POSITIVE);
+            self.stepper.node[i] = size;
         }
-        let norm = |v: &[f64]| step::norm(v, &self.weights);
-        let (d0, d1) = (norm(&self.node), norm(&self.f));
+        let norm = |v: &[f64]| step::norm(v, &self.stepper.weights);
+        let (d0, d1) = (norm(&self.stepper.node), norm(&self.f));
         let first = if d0 > 0.0 && d1 > 0.0 { d0 / d1 } else { f64::INFINITY };
         let h = (0.01 * first).min(if first < most / BLIND { most } else { BLIND * most });
-        for ((y, x), f) in self.node.iter_mut().zip(&self.x).zip(&self.f) {
+        for ((y, x), f) in self.stepper.node.iter_mut().zip(&self.x).zip(&self.f) {
             *y = x + h * f;
         }
-        let r = self.field.rhs(self.t + h, &self.node, &mut self.step.f);
+        let r = self.field.rhs(self.t + h, &self.stepper.node, &mut self.stepper.step.f);
         if !recover(r.map(|()| true), false)? {
             return Ok(h);
         }
-        for (a, b) in self.step.f.iter_mut().zip(&self.f) {
+        for (a, b) in self.stepper.step.f.iter_mut().zip(&self.f) {
             *a -= b;
         }
-        let d2 = step::norm(&self.step.f, &self.weights) / h;
+        let d2 = step::norm(&self.stepper.step.f, &self.stepper.weights) / h;
         let second = if d0 > 0.0 && d2 > 0.0 { (d0 / d2).sqrt() } else { f64::INFINITY };
-        let order = if self.implicit { 4.0 } else { self.pair.order() };
+        let order = if self.stepper.implicit { 4.0 } else { self.stepper.pair.order() };
         let own = first.min(second);
         let h1 = if own.is_finite() { own * (0.01 / d0).powf(1.0 / order).min(1.0) } else { BLIND.sqrt() * most };
         Ok((100.0 * h).min(h1).min(most))

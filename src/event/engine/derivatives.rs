@@ -21,10 +21,10 @@ impl Engine {
             for i in 0..if self.field.active[k].len() < 2 { 0 } else { self.field.active[k].len() } {
                 let cell = self.field.active[k][i];
                 let at = (self.t, &self.x[..], &self.f[..]);
-                let r = self.field.theta_gradient(cell, at, &mut self.time_row);
+                let r = self.field.theta_gradient(cell, at, &mut self.derivatives.time_row);
                 if recover(r.map(|()| true), false)? {
                     let apart = self.field.largest_difference();
-                    each(self.field.theta(cell), &self.time_row[controls.clone()], apart);
+                    each(self.field.theta(cell), &self.derivatives.time_row[controls.clone()], apart);
                 }
             }
         }
@@ -37,17 +37,17 @@ impl Engine {
     pub fn sensitivity(&self) -> Option<&[f64]> {
         // derivatives by inputs that a model does not have are there, and have no columns
         let asked = self.options.sensitivity != Sensitivity::Off;
-        self.sens.as_ref().map(|s| &s.s[..]).or(asked.then_some(&[]))
+        self.derivatives.sens.as_ref().map(|s| &s.s[..]).or(asked.then_some(&[]))
     }
 
     /// Had the motion since the start several continuations somewhere, one of which was chosen?
     pub fn ambiguous(&self) -> bool {
-        self.ambiguous
+        self.log.ambiguous
     }
 
     /// True where the derivatives hold for one side only, see [`Run::one_sided`](crate::event::Run::one_sided).
     pub fn one_sided(&self) -> bool {
-        self.one_sided
+        self.log.one_sided
     }
 
     /// Gradient of a function of the final state, whose derivative with respect to it is `v`, plus `terms`, by the
@@ -60,30 +60,30 @@ impl Engine {
         finite("derivative with respect to the state", v, self.nx)?;
         for t in terms {
             if let Term::Switch { index, .. } = t {
-                if *index >= self.switches.len() {
-                    let n = self.switches.len();
+                if *index >= self.log.switches.len() {
+                    let n = self.log.switches.len();
                     return Err(Error::Range(format!("switch {index} is not in the log, which has {n}")));
                 }
             }
             if let Term::Jump { index, .. } = t {
-                if *index >= self.jumps.len() {
-                    let n = self.jumps.len();
+                if *index >= self.log.jumps.len() {
+                    let n = self.log.jumps.len();
                     return Err(Error::Range(format!("transition {index} is not in the log, which has {n}")));
                 }
             }
         }
         // the dense output of the last step may need functions at values that change below
         self.save_dense()?;
-        let Some(tape) = self.tape.take() else {
+        let Some(tape) = self.derivatives.tape.take() else {
             return Err(Error::State("the run is not recorded: ask for the adjoint in the options".into()));
         };
         let held = self.field.hold();
-        let r = adjoint::sweep(&tape, &self.radau, &mut self.field, v, terms);
+        let r = adjoint::sweep(&tape, &self.stepper.radau, &mut self.field, v, terms);
         self.field.release(held);
-        self.tape = Some(tape);
+        self.derivatives.tape = Some(tape);
         if self.field.active.iter().all(|a| !a.is_empty()) {
             // weights belong to the present point again
-            let there = self.field.rhs(self.t, &self.x, &mut self.node);
+            let there = self.field.rhs(self.t, &self.x, &mut self.stepper.node);
             recover(there.map(|()| true), false)?;
         }
         r
@@ -95,20 +95,25 @@ impl Engine {
             self.blur_sensitivity();
             return Ok(());
         }
-        if let Some(mut s) = self.sens.take() {
-            let r = if self.step_implicit {
-                s.implicit(&self.radau, &mut self.field, &self.step)
+        if let Some(mut s) = self.derivatives.sens.take() {
+            let r = if self.stepper.step_implicit {
+                s.implicit(&self.stepper.radau, &mut self.field, &self.stepper.step)
             } else {
-                s.explicit(self.pair, &mut self.field, &self.step, t1 - (self.step.t + self.step.h))
+                s.explicit(
+                    self.stepper.pair,
+                    &mut self.field,
+                    &self.stepper.step,
+                    t1 - (self.stepper.step.t + self.stepper.step.h),
+                )
             };
-            self.one_sided |= !recover(r.map(|()| true), false)?;
-            self.sens = Some(s);
+            self.log.one_sided |= !recover(r.map(|()| true), false)?;
+            self.derivatives.sens = Some(s);
         }
-        if let Some(tape) = &mut self.tape {
-            if self.step_implicit {
-                tape.implicit(&self.radau, &self.field, &self.step, t1);
+        if let Some(tape) = &mut self.derivatives.tape {
+            if self.stepper.step_implicit {
+                tape.implicit(&self.stepper.radau, &self.field, &self.stepper.step, t1);
             } else {
-                tape.explicit(self.pair, &mut self.field, &self.step, t1);
+                tape.explicit(self.stepper.pair, &mut self.field, &self.stepper.step, t1);
             }
         }
         Ok(())
@@ -120,48 +125,48 @@ impl Engine {
             self.mark_time(Time::Unknown);
             return Ok(());
         }
-        if self.sens.is_some() || self.tape.is_some() {
-            match self.flat.as_ref().map(|f| f.beside) {
+        if self.derivatives.sens.is_some() || self.derivatives.tape.is_some() {
+            match self.functions.flat.as_ref().map(|f| f.beside) {
                 Some(beside) => self.time_gradient_at_flat(l, beside)?,
                 None => {
                     let at = (self.t, &self.x[..], &self.f[..]);
-                    self.watches[l].time_gradient(&mut self.field, at, &mut self.time_row)?;
+                    self.functions.watches[l].time_gradient(&mut self.field, at, &mut self.derivatives.time_row)?;
                 }
             }
         }
-        if let Some(s) = &mut self.sens {
-            s.time(&self.time_row);
+        if let Some(s) = &mut self.derivatives.sens {
+            s.time(&self.derivatives.time_row);
         }
         Ok(())
     }
 
     /// The velocity changes at a switch from `before` to the present one.
     pub(super) fn differentiate_jump(&mut self, before: &[f64]) {
-        if let Some(s) = &mut self.sens {
+        if let Some(s) = &mut self.derivatives.sens {
             s.jump(before, &self.f);
         }
-        if let Some(tape) = &mut self.tape {
-            let n_c = self.time_row.len() - 1;
-            tape.switch(self.switches.len(), &self.time_row[..n_c], before, &self.f);
+        if let Some(tape) = &mut self.derivatives.tape {
+            let n_c = self.derivatives.time_row.len() - 1;
+            tape.switch(self.log.switches.len(), &self.derivatives.time_row[..n_c], before, &self.f);
         }
     }
 
     /// What follows in the log is a change at a time that is given, or has no derivative.
     pub(super) fn mark_time(&mut self, time: Time) {
-        if let Some(s) = &mut self.sens {
+        if let Some(s) = &mut self.derivatives.sens {
             s.dt.fill(if time == Time::Fixed { 0.0 } else { f64::NAN });
         }
-        if let Some(tape) = &mut self.tape {
-            tape.mark(self.switches.len(), time);
+        if let Some(tape) = &mut self.derivatives.tape {
+            tape.mark(self.log.switches.len(), time);
         }
     }
 
     /// The derivatives are lost.
     pub(super) fn blur_sensitivity(&mut self) {
-        if let Some(s) = &mut self.sens {
+        if let Some(s) = &mut self.derivatives.sens {
             s.s.fill(f64::NAN);
         }
-        if let Some(tape) = &mut self.tape {
+        if let Some(tape) = &mut self.derivatives.tape {
             tape.gap(self.t);
         }
     }
@@ -171,11 +176,11 @@ impl Engine {
         if self.field.n_alg() == 0 || self.field.is_explicit_only() {
             return Ok(());
         }
-        if let Some(s) = &mut self.sens {
+        if let Some(s) = &mut self.derivatives.sens {
             self.field.hidden(self.t, &self.x)?;
             s.project(&mut self.field);
         }
-        if let Some(tape) = &mut self.tape {
+        if let Some(tape) = &mut self.derivatives.tape {
             tape.project(&self.field, self.t, &self.x);
         }
         Ok(())

@@ -71,7 +71,7 @@ impl Engine {
         if !self.may_be_flat(l, rate, full) || !recover(self.bends_at_zero(l, rate, full), false)? {
             return Ok(None);
         }
-        let h = self.step.h;
+        let h = self.stepper.step.h;
         if let Some(p) = self.land_on_flat(l, full, slope, grown)? {
             return Ok(Some(Some(p)));
         }
@@ -84,16 +84,16 @@ impl Engine {
 
     /// Is the rate next to the end of a step, which was `full` long at first, so small that its zero may be one of higher order?
     fn may_be_flat(&self, l: usize, rate: f64, full: f64) -> bool {
-        let w = &self.watches[l];
+        let w = &self.functions.watches[l];
         if w.is_affine(&self.field) || !matches!(w, Watch::Enter { .. } | Watch::Guard { .. }) {
             return false;
         }
-        let size = self.samples[l].iter().fold(self.w0[l].abs(), |m, v| m.max(v.abs()));
+        let size = self.functions.samples[l].iter().fold(self.functions.w0[l].abs(), |m, v| m.max(v.abs()));
         if rate.abs() * full > FLAT * size {
             return false;
         }
         // what is rounding all the way has no rate that says anything
-        size > NEAR * EPS * w.scale(&self.field.dq, &self.field, self.step.t, &self.step.x1).value
+        size > NEAR * EPS * w.scale(&self.field.dq, &self.field, self.stepper.step.t, &self.stepper.step.x1).value
     }
 
     /// Does the value before the end of the step, along the velocity there, come from more than the rate? At a distance that is larger than
@@ -143,9 +143,9 @@ impl Engine {
             if h + delta >= most && h == most {
                 // it lies behind the time asked for
                 let t_stop = self.t_stop;
-                self.w1[..self.watches.len()].fill(f64::NAN);
+                self.functions.w1[..self.functions.watches.len()].fill(f64::NAN);
                 self.accept(t_stop)?;
-                self.h = grown;
+                self.stepper.h = grown;
                 return Ok(Some(Progress::Stepped));
             }
             width = width.max(edges.below - edges.above);
@@ -156,34 +156,34 @@ impl Engine {
 
     /// Does the step with another length.
     fn repeat(&mut self, h: f64) -> Result<bool> {
-        self.step.h = h;
-        self.stats.relocations += 1;
+        self.stepper.step.h = h;
+        self.log.stats.relocations += 1;
         Ok(matches!(self.attempt()?, Tried::Error(e) if e <= 10.0) && self.finish()?)
     }
 
     /// Relative times of the step at which the sampled function was positive, and negative or zero, one behind the other. `None` if all samples
     /// are positive: the zero is behind the last one.
     fn signs_in_samples(&self, l: usize) -> Option<(f64, f64)> {
-        let samples = &self.samples[l];
+        let samples = &self.functions.samples[l];
         let first = (1..samples.len()).find(|i| samples[*i] <= 0.0)?;
-        Some((self.sampler.nodes[first - 1], self.sampler.nodes[first]))
+        Some((self.functions.sampler.nodes[first - 1], self.functions.sampler.nodes[first]))
     }
 
     /// Value of a watched function.
     fn value_on(&mut self, l: usize, path: Path, at: f64) -> std::result::Result<f64, EvalError> {
         let t = match path {
             Path::Dense => {
-                self.step.at(at, &mut self.node);
-                self.step.t + at * self.step.h
+                self.stepper.step.at(at, &mut self.stepper.node);
+                self.stepper.step.t + at * self.stepper.step.h
             }
             Path::Line => {
-                let s = &self.step;
-                self.node.iter_mut().zip(s.x1.iter().zip(&s.f1)).for_each(|(y, (x, f))| *y = x + at * f);
+                let s = &self.stepper.step;
+                self.stepper.node.iter_mut().zip(s.x1.iter().zip(&s.f1)).for_each(|(y, (x, f))| *y = x + at * f);
                 s.t + s.h + at
             }
         };
-        self.field.watched(t, &self.node)?;
-        Ok(self.watches[l].value(&self.field.q, &self.field))
+        self.field.watched(t, &self.stepper.node)?;
+        Ok(self.functions.watches[l].value(&self.field.q, &self.field))
     }
 
     /// Times relative to the end of the step before and behind its zero, at which the function has signs; the first ones that are tried are
@@ -196,7 +196,7 @@ impl Engine {
             let mut distance = near;
             let mut value = here;
             while value * sign >= 0.0 {
-                if distance > 0.5 * full.min(self.step.h) {
+                if distance > 0.5 * full.min(self.stepper.step.h) {
                     return Ok(None);
                 }
                 *end = sign * distance;
@@ -210,10 +210,10 @@ impl Engine {
     /// Where the function falls through zero between two places.
     fn edges(&mut self, l: usize, path: Path, (from, to): (f64, f64)) -> std::result::Result<Option<Edges>, EvalError> {
         let unit = match path {
-            Path::Dense => self.step.h,
+            Path::Dense => self.stepper.step.h,
             Path::Line => 1.0,
         };
-        let finest = 4.0 * EPS * self.t.abs().max(self.step.h) / unit;
+        let finest = 4.0 * EPS * self.t.abs().max(self.stepper.step.h) / unit;
         let (low, high) = self.bisect(l, path, (from, to), 0.0, finest)?;
         if low.1 <= 0.0 || high.1 > 0.0 {
             return Ok(None);
@@ -290,14 +290,14 @@ impl Engine {
         let mut values = [0.0; 2].map(|_| Vec::new());
         for (list, side) in values.iter_mut().zip([-flat.beside, flat.beside]) {
             self.value_on(l, Path::Line, delta + side)?;
-            list.extend(self.watches.iter().map(|w| w.value(&self.field.q, &self.field)));
+            list.extend(self.functions.watches.iter().map(|w| w.value(&self.field.q, &self.field)));
         }
         self.value_on(l, Path::Line, delta)?;
-        self.field.watched_gradients(self.step.t + self.step.h + delta, &self.node)?;
+        self.field.watched_gradients(self.stepper.step.t + self.stepper.step.h + delta, &self.stepper.node)?;
         let [before, behind] = &values;
-        for (m, w) in self.watches.iter().enumerate().filter(|(m, w)| *m != l && !w.is_affine(&self.field)) {
+        for (m, w) in self.functions.watches.iter().enumerate().filter(|(m, w)| *m != l && !w.is_affine(&self.field)) {
             let Some(a) = w.place().filter(|_| before[m] > 0.0 && behind[m] < 0.0) else { continue };
-            let rate = w.rate(&self.field.dq, &self.field, &self.step.f1);
+            let rate = w.rate(&self.field.dq, &self.field, &self.stepper.step.f1);
             let level = before[m].max(-behind[m]);
             if !matches!(w, Watch::Contact { .. }) && rate.abs() * flat.beside <= FLAT * level {
                 flat.others.push((a, level));
@@ -308,22 +308,22 @@ impl Engine {
 
     /// Notes in which functions signs of small values mean nothing where watch `l` has vanished.
     pub(super) fn note_levels(&mut self, l: usize) {
-        if let Some(a) = self.watches[l].place() {
-            self.levels[a] = self.flat.as_ref().map_or(0.0, |f| f.level);
+        if let Some(a) = self.functions.watches[l].place() {
+            self.functions.levels[a] = self.functions.flat.as_ref().map_or(0.0, |f| f.level);
         }
-        for (a, level) in self.flat.iter().flat_map(|f| &f.others) {
-            self.levels[*a] = *level;
+        for (a, level) in self.functions.flat.iter().flat_map(|f| &f.others) {
+            self.functions.levels[*a] = *level;
         }
     }
 
     /// Does the guard at place `a` vanish at the zero of another function, and has its transition not been made?
     pub(super) fn is_due(&self, a: usize) -> bool {
-        self.flat.as_ref().is_some_and(|f| f.others.iter().any(|o| o.0 == a))
+        self.functions.flat.as_ref().is_some_and(|f| f.others.iter().any(|o| o.0 == a))
     }
 
     /// The transition of the guard at place `a` is made.
     pub(super) fn note_made(&mut self, a: usize) {
-        if let Some(f) = &mut self.flat {
+        if let Some(f) = &mut self.functions.flat {
             f.others.retain(|o| o.0 != a);
         }
     }
@@ -334,31 +334,32 @@ impl Engine {
         let width = edges.below - edges.above;
         let mut flat = self.flat_at(l, delta, (edges.level, width), full)?;
         recover(self.find_others(l, &mut flat, delta).map(|()| true), false)?;
-        self.flat = Some(flat);
-        self.step.x1.iter_mut().zip(&self.step.f1).for_each(|(x, f)| *x += delta * f);
-        let t = (self.t + self.step.h + delta).min(self.t_stop);
+        self.functions.flat = Some(flat);
+        self.stepper.step.x1.iter_mut().zip(&self.stepper.step.f1).for_each(|(x, f)| *x += delta * f);
+        let t = (self.t + self.stepper.step.h + delta).min(self.t_stop);
         if self.field.n_alg() > 0 {
-            let r = self.field.rhs(t, &self.step.x1, &mut self.node).map(|()| true);
+            let r = self.field.rhs(t, &self.stepper.step.x1, &mut self.stepper.node).map(|()| true);
             recover(r, false)?;
         }
-        let known = (0..self.nx).map(|i| self.tolerance_of(i) / self.step.f1[i].abs()).fold(f64::INFINITY, f64::min);
-        if width > known.max(64.0 * EPS * t.abs()) && self.reason.is_empty() {
-            self.reason = format!(
+        let known =
+            (0..self.nx).map(|i| self.tolerance_of(i) / self.stepper.step.f1[i].abs()).fold(f64::INFINITY, f64::min);
+        if width > known.max(64.0 * EPS * t.abs()) && self.log.reason.is_empty() {
+            self.log.reason = format!(
                 "t = {t}: a switching function or guard is so flat where it vanishes that between t - {half:.1e} and t + {half:.1e} its \
                  value is rounding, and the tolerances ask for {known:.1e}: state one that vanishes with a rate",
                 half = 0.5 * width
             );
         }
-        self.w1[..self.watches.len()].fill(f64::NAN);
+        self.functions.w1[..self.functions.watches.len()].fill(f64::NAN);
         self.accept(t)?;
-        let grown = if self.note_end(true) { grown.min(self.step.h) } else { grown };
+        let grown = if self.note_end(true) { grown.min(self.stepper.step.h) } else { grown };
         self.switch(l, slope, grown)
     }
 
     /// Derivatives of the time of a zero of higher order: the ratio of gradient and rate has a limit there, which is the mean of those on
     /// both sides up to the square of their distance.
     pub(super) fn time_gradient_at_flat(&mut self, l: usize, beside: f64) -> EvalResult {
-        let mut row = std::mem::take(&mut self.time_row);
+        let mut row = std::mem::take(&mut self.derivatives.time_row);
         let mut mean = vec![0.0; row.len()];
         let mut at = self.x.clone();
         let mut known = Ok(());
@@ -367,7 +368,7 @@ impl Engine {
             let t = self.t + side;
             known = self.field.watched_gradients(t, &at);
             if known.is_ok() {
-                known = self.watches[l].time_gradient(&mut self.field, (t, &at, &self.f), &mut row);
+                known = self.functions.watches[l].time_gradient(&mut self.field, (t, &at, &self.f), &mut row);
             }
             if known.is_err() {
                 break;
@@ -375,7 +376,7 @@ impl Engine {
             mean.iter_mut().zip(&row).for_each(|(m, r)| *m += 0.5 * r);
         }
         row.copy_from_slice(&mean);
-        self.time_row = row;
+        self.derivatives.time_row = row;
         known?;
         self.field.watched_gradients(self.t, &self.x)
     }
@@ -388,13 +389,13 @@ impl Engine {
 
     /// Values of a watched function up to this one are rounding where it vanished last; zero where that was no zero of higher order.
     pub(super) fn level(&self, w: &Watch) -> f64 {
-        w.place().map_or(0.0, |a| self.levels[a])
+        w.place().map_or(0.0, |a| self.functions.levels[a])
     }
 
     /// The same if the step begins there, else zero.
     pub(super) fn level_at_start(&self, l: usize) -> f64 {
-        let level = self.level(&self.watches[l]);
-        if self.depart[l] == 2 && self.w0[l].abs() <= level {
+        let level = self.level(&self.functions.watches[l]);
+        if self.functions.depart[l] == 2 && self.functions.w0[l].abs() <= level {
             level
         } else {
             0.0
@@ -410,7 +411,7 @@ impl Engine {
         if level == 0.0 {
             return None;
         }
-        let (samples, nodes) = (&self.samples[l], &self.sampler.nodes);
+        let (samples, nodes) = (&self.functions.samples[l], &self.functions.sampler.nodes);
         let Some(seen) = (1..samples.len()).find(|i| samples[*i].abs() > level) else { return Some(Found::Nothing) };
         if samples[seen] < 0.0 {
             // what lies ahead of the start is positive
@@ -419,7 +420,7 @@ impl Engine {
         let falls = (seen + 1..samples.len()).find(|i| samples[*i] <= 0.0);
         Some(falls.map_or(Found::Nothing, |i| {
             let slope = (samples[i] - samples[i - 1]) / (nodes[i] - nodes[i - 1]);
-            Found::Zero(l, nodes[i] - samples[i] / slope, slope / self.step.h)
+            Found::Zero(l, nodes[i] - samples[i] / slope, slope / self.stepper.step.h)
         }))
     }
 
@@ -428,11 +429,11 @@ impl Engine {
     pub(super) fn falls_ahead(&mut self, l: usize, level: f64) -> std::result::Result<bool, EvalError> {
         let most = self.usual_step();
         let mut ahead = 64.0 * EPS * self.t.abs().max(most);
-        let mut value = self.watches[l].value(&self.q0, &self.field);
+        let mut value = self.functions.watches[l].value(&self.functions.q0, &self.field);
         while value.abs() <= level && ahead <= most {
-            self.node.iter_mut().zip(self.x.iter().zip(&self.f)).for_each(|(y, (x, f))| *y = x + ahead * f);
-            self.field.watched(self.t + ahead, &self.node)?;
-            value = self.watches[l].value(&self.field.q, &self.field);
+            self.stepper.node.iter_mut().zip(self.x.iter().zip(&self.f)).for_each(|(y, (x, f))| *y = x + ahead * f);
+            self.field.watched(self.t + ahead, &self.stepper.node)?;
+            value = self.functions.watches[l].value(&self.field.q, &self.field);
             ahead *= 2.0;
         }
         self.field.watched(self.t, &self.x)?;

@@ -23,7 +23,7 @@ impl Engine {
         if self.field.scene().is_some_and(|c| c.dynamics.is_first_order()) {
             return Ok(true);
         }
-        let mut list = std::mem::take(&mut self.scene.list);
+        let mut list = std::mem::take(&mut self.contact_events.scene.list);
         let mut unique = true;
         for made in 0.. {
             let Some((worst, law)) = self.closing(event.filter(|_| made == 0))? else { break };
@@ -36,25 +36,25 @@ impl Engine {
             if law == ImpactLaw::Sequential {
                 list.push((worst, None));
                 // the next contact closes because of the first: another order may have another end
-                unique &= !(made == 1 && self.scene.touching.len() > 1);
+                unique &= !(made == 1 && self.contact_events.scene.touching.len() > 1);
             } else {
-                list.extend(self.scene.touching.iter().map(|i| (*i, None)));
+                list.extend(self.contact_events.scene.touching.iter().map(|i| (*i, None)));
             }
             self.last_of(&list)?;
-            if let (Some((_, rest)), Zeno::Stop) = (self.scene.last.first(), self.options.zeno) {
+            if let (Some((_, rest)), Zeno::Stop) = (self.contact_events.scene.last.first(), self.options.zeno) {
                 let limit = self.t + rest;
                 self.end_at_accumulation(limit);
                 return Ok(false);
             }
-            let merges = self.scene.merges;
-            for c in list.iter_mut().filter(|c| merges || self.scene.last.iter().any(|l| l.0 == c.0)) {
+            let merges = self.contact_events.scene.merges;
+            for c in list.iter_mut().filter(|c| merges || self.contact_events.scene.last.iter().any(|l| l.0 == c.0)) {
                 c.1 = Some(0.0);
             }
-            let last = merges || !self.scene.last.is_empty();
+            let last = merges || !self.contact_events.scene.last.is_empty();
             let kind = if last { ImpactKind::Last } else { ImpactKind::Collision };
             let struck = self.strike(&list, kind, recorded)?;
             self.check_laws(&list);
-            if self.outcome != Outcome::Reached {
+            if self.log.outcome != Outcome::Reached {
                 return Ok(false);
             }
             let Some(one) = struck else {
@@ -62,17 +62,17 @@ impl Engine {
                 return Ok(false);
             };
             unique &= one;
-            for k in 0..self.scene.last.len() {
-                let (t, rest) = (self.t, self.scene.last[k].1);
-                self.stats.accumulations += 1;
+            for k in 0..self.contact_events.scene.last.len() {
+                let (t, rest) = (self.t, self.contact_events.scene.last[k].1);
+                self.log.stats.accumulations += 1;
                 self.accumulations_push(Accumulation { t: t + rest, until: t, steps: 0, error: 0.0 });
-                self.one_sided = true;
+                self.log.one_sided = true;
             }
-            if self.outcome != Outcome::Reached {
+            if self.log.outcome != Outcome::Reached {
                 return Ok(false);
             }
         }
-        self.scene.list = list;
+        self.contact_events.scene.list = list;
         Ok(unique)
     }
 
@@ -81,7 +81,7 @@ impl Engine {
         &mut self,
         event: Option<(usize, ContactWatch)>,
     ) -> std::result::Result<Option<(usize, ImpactLaw)>, EvalError> {
-        let all = &self.scene.touching;
+        let all = &self.contact_events.scene.touching;
         let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             let mut worst = (0.0, None);
             for &i in all {
@@ -128,7 +128,7 @@ impl Engine {
     pub(super) fn last_of(&mut self, list: &[(usize, Option<f64>)]) -> std::result::Result<(), EvalError> {
         let (length, n_z) = (self.usual_step(), self.field.n_z);
         let (rtol, atol) = (&self.rtol, &self.atol);
-        let SceneRoom { last: out, closed, row, .. } = &mut self.scene;
+        let SceneRoom { last: out, closed, row, .. } = &mut self.contact_events.scene;
         out.clear();
         let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             for &(i, _) in list {
@@ -181,12 +181,12 @@ impl Engine {
         kind: ImpactKind,
         recorded: bool,
     ) -> std::result::Result<Option<bool>, EvalError> {
-        let mut after = std::mem::take(&mut self.scene.after);
+        let mut after = std::mem::take(&mut self.contact_events.scene.after);
         after.clone_from(&self.x);
         if recorded {
-            self.reset.clear_derivatives();
+            self.derivatives.reset.clear_derivatives();
         }
-        let jac = &mut self.reset.jac;
+        let jac = &mut self.derivatives.reset.jac;
         let r = self.field.with_contacts(self.t, &self.x, |c, at, _| {
             let sizes = &c.sizes;
             let collision = kind != ImpactKind::Painleve;
@@ -200,7 +200,7 @@ impl Engine {
         let unique = impact.unique && kind != ImpactKind::Painleve;
         self.record(&impact.parts, kind, unique && impact.proven && !impact.redundant);
         self.jump_to(&after, recorded);
-        self.scene.after = after;
+        self.contact_events.scene.after = after;
         Ok(Some(unique))
     }
 
@@ -210,11 +210,11 @@ impl Engine {
         if !recorded {
             return;
         }
-        if let Some(s) = &mut self.sens {
-            s.reset_by(&self.reset.jac);
+        if let Some(s) = &mut self.derivatives.sens {
+            s.reset_by(&self.derivatives.reset.jac);
         }
-        if self.tape.is_some() {
-            self.scene.resets.extend_from_slice(&self.reset.jac);
+        if self.derivatives.tape.is_some() {
+            self.contact_events.scene.resets.extend_from_slice(&self.derivatives.reset.jac);
         }
     }
 
@@ -222,14 +222,14 @@ impl Engine {
         let largest = |p: &Impulse| p.impulse.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let noise = 64.0 * EPS * parts.iter().map(largest).fold(0.0, f64::max);
         for p in parts.iter().filter(|p| largest(p) > noise.max(p.noise)) {
-            self.stats.impacts += 1;
+            self.log.stats.impacts += 1;
             let (depth, tolerance) = self.depth(p.contact, p.rates[0]);
             // whether there is an impact at all is a matter of the tolerances
-            self.one_sided |= depth < GRAZES * tolerance && kind == ImpactKind::Collision;
-            if self.impacts.len() < self.options.max_log {
-                let dt = self.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone());
+            self.log.one_sided |= depth < GRAZES * tolerance && kind == ImpactKind::Collision;
+            if self.log.impacts.len() < self.options.max_log {
+                let dt = self.derivatives.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone());
                 let Impulse { contact, rates, impulse, .. } = *p;
-                self.impacts.push(Impact {
+                self.log.impacts.push(Impact {
                     t: self.t,
                     contact,
                     kind,

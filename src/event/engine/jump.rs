@@ -70,7 +70,7 @@ impl Cascade {
 impl Engine {
     /// The guard of watch `l` vanishes at the present point.
     pub(super) fn jump(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
-        let Watch::Guard { guard, back, .. } = self.watches[l] else {
+        let Watch::Guard { guard, back, .. } = self.functions.watches[l] else {
             return Err(Error::Internal("a jump without a guard".into()));
         };
         let r = if back { self.watch_again(guard) } else { self.jump_inner(l, guard, slope) };
@@ -79,9 +79,10 @@ impl Engine {
             return Ok(self.fail(Outcome::NoContinuation, text));
         }
         // what happens next may happen soon again: a step much longer than the time since the last jump finds it badly
-        self.h = if self.recent.n > 1 { grown.min(LONGER * self.recent.last_gap()) } else { grown };
-        self.err_before = 1e-4;
-        if self.outcome != Outcome::Reached {
+        self.stepper.h =
+            if self.calendar.recent.n > 1 { grown.min(LONGER * self.calendar.recent.last_gap()) } else { grown };
+        self.stepper.err_before = 1e-4;
+        if self.log.outcome != Outcome::Reached {
             return Ok(Progress::Done);
         }
         if back {
@@ -99,39 +100,39 @@ impl Engine {
     fn jump_inner(&mut self, l: usize, guard: usize, slope: f64) -> std::result::Result<(), EvalError> {
         let t = self.t;
         self.arrive()?;
-        let w = self.watches[l];
+        let w = self.functions.watches[l];
         let rate = if slope.is_finite() { w.rate(&self.field.dq, &self.field, &self.f) } else { slope };
         if self.has_not_moved(&w, rate)? {
             self.end_at_accumulation(t);
             return Ok(());
         }
         let scale = w.scale(&self.field.dq, &self.field, t, &self.x);
-        self.one_sided |= match &self.flat {
+        self.log.one_sided |= match &self.functions.flat {
             Some(flat) => flat.coarse,
             None => rate.abs() < 1e-6 * scale.reach * self.field.pace(&self.x, &self.f),
         };
         self.differentiate_time(l)?;
-        self.zero.fill(false);
-        self.zero[self.field.guards.all[guard].q] = true;
+        self.functions.zero.fill(false);
+        self.functions.zero[self.field.guards.all[guard].q] = true;
         self.remember(self.source(&w), None);
-        self.recent.note_jump();
+        self.calendar.recent.note_jump();
         self.make(guard, -rate)
     }
 
     /// Has a guard that vanishes at this rate come no further than rounding since it did so last?
     fn has_not_moved(&mut self, w: &Watch, rate: f64) -> std::result::Result<bool, EvalError> {
-        let Some(before) = self.recent.of(self.source(w)).back(0) else { return Ok(false) };
+        let Some(before) = self.calendar.recent.of(self.source(w)).back(0) else { return Ok(false) };
         let noise = NOISE * w.rounding(&self.field.dq, &self.field, self.t, &self.x);
         if rate.abs() * (self.t - before) > noise {
             return Ok(false);
         }
         // a zero of higher order has no rate
         self.write_dense()?;
-        self.step.at(0.5, &mut self.node);
-        self.field.watched(self.step.t + 0.5 * self.step.h, &self.node)?;
+        self.stepper.step.at(0.5, &mut self.stepper.node);
+        self.field.watched(self.stepper.step.t + 0.5 * self.stepper.step.h, &self.stepper.node)?;
         let mut moved = w.value(&self.field.q, &self.field).abs();
-        self.step.at(0.0, &mut self.node);
-        self.field.watched(self.step.t, &self.node)?;
+        self.stepper.step.at(0.0, &mut self.stepper.node);
+        self.field.watched(self.stepper.step.t, &self.stepper.node)?;
         moved = moved.max(w.value(&self.field.q, &self.field).abs());
         self.field.watched(self.t, &self.x)?;
         Ok(moved <= noise)
@@ -140,12 +141,12 @@ impl Engine {
     /// Makes the transitions whose guards hold at the present point, if there are any; the derivatives of the time are those
     /// of the last switch.
     pub(super) fn make_held(&mut self) -> std::result::Result<(), EvalError> {
-        if self.field.guards.armed.is_empty() || self.outcome != Outcome::Reached {
+        if self.field.guards.armed.is_empty() || self.log.outcome != Outcome::Reached {
             return Ok(());
         }
         match self.held()? {
             Some((g, touches)) => {
-                self.one_sided |= touches;
+                self.log.one_sided |= touches;
                 self.make(g, f64::NAN)
             }
             None => Ok(()),
@@ -172,14 +173,14 @@ impl Engine {
     fn make(&mut self, guard: usize, rate: f64) -> std::result::Result<(), EvalError> {
         let mut before = self.field.active.clone();
         self.f_before.copy_from_slice(&self.f);
-        let start = self.jumps.len();
-        let recorded = self.sens.is_some() || self.tape.is_some();
-        if let Some(s) = &mut self.sens {
+        let start = self.log.jumps.len();
+        let recorded = self.derivatives.sens.is_some() || self.derivatives.tape.is_some();
+        if let Some(s) = &mut self.derivatives.sens {
             s.advance(&self.f_before, 1.0);
         }
         let (mut resets, mut cascade) = (Vec::new(), Cascade::default());
         let (mut next, mut rate, mut unique, mut made) = (Some((guard, false)), rate, true, 0);
-        let mut log = (self.switches.len(), start);
+        let mut log = (self.log.switches.len(), start);
         let length = self.usual_step();
         while let Some((g, vanishes)) = next {
             if made > 0 && self.is_called_off() {
@@ -194,38 +195,38 @@ impl Engine {
             made += 1;
             if vanishes && recorded {
                 self.part_from(g, log, &mut resets)?;
-                log.1 = self.jumps.len();
+                log.1 = self.log.jumps.len();
             }
             self.note_made(self.field.guards.all[g].q);
-            self.field.reset(g, (self.t, &self.x), recorded, &mut self.reset)?;
-            if self.reset.x.iter().any(|v| !v.is_finite()) {
+            self.field.reset(g, (self.t, &self.x), recorded, &mut self.derivatives.reset)?;
+            if self.derivatives.reset.x.iter().any(|v| !v.is_finite()) {
                 return Err(EvalError::Recoverable);
             }
-            if let Some(s) = &mut self.sens {
-                s.reset_by(&self.reset.jac);
+            if let Some(s) = &mut self.derivatives.sens {
+                s.reset_by(&self.derivatives.reset.jac);
             }
-            if self.tape.is_some() {
-                resets.extend_from_slice(&self.reset.jac);
+            if self.derivatives.tape.is_some() {
+                resets.extend_from_slice(&self.derivatives.reset.jac);
             }
-            if self.jumps.len() < self.options.max_log {
-                self.jumps.push(Jump {
+            if self.log.jumps.len() < self.options.max_log {
+                self.log.jumps.push(Jump {
                     t: self.t,
                     transition: g,
                     states: Vec::new(),
                     before: self.x.clone(),
-                    after: self.reset.x.clone(),
+                    after: self.derivatives.reset.x.clone(),
                     rate,
                     simultaneous: false,
-                    dt: self.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone()),
+                    dt: self.derivatives.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone()),
                 });
             }
-            self.x.copy_from_slice(&self.reset.x);
+            self.x.copy_from_slice(&self.derivatives.reset.x);
             self.field.arm(&self.x);
             if self.stays_in_limit_set_behind_jump()? {
                 before.clone_from(&self.field.active);
             } else {
                 unique &= self.locate(true, length)?;
-                if self.outcome != Outcome::Reached {
+                if self.log.outcome != Outcome::Reached {
                     return Ok(());
                 }
                 self.enter()?;
@@ -237,12 +238,12 @@ impl Engine {
             }
             rate = f64::NAN;
             let held = self.held()?;
-            self.one_sided |= held.is_some_and(|h| h.1);
+            self.log.one_sided |= held.is_some_and(|h| h.1);
             next = held;
         }
-        self.stats.jumps += made;
-        self.one_sided |= !unique;
-        for j in &mut self.jumps[start..] {
+        self.log.stats.jumps += made;
+        self.log.one_sided |= !unique;
+        for j in &mut self.log.jumps[start..] {
             j.simultaneous = made > 1;
         }
         self.differentiate_resets(log, &resets)?;
@@ -252,12 +253,12 @@ impl Engine {
 
     /// Derivatives behind transitions of one time with these resets, whose velocities are that before them and the present one.
     fn differentiate_resets(&mut self, log: (usize, usize), resets: &[f64]) -> std::result::Result<(), EvalError> {
-        if let Some(s) = &mut self.sens {
+        if let Some(s) = &mut self.derivatives.sens {
             s.advance(&self.f, -1.0);
         }
-        if let Some(tape) = &mut self.tape {
-            let n_c = self.time_row.len() - 1;
-            tape.jump(log, &self.time_row[..n_c], [&self.f_before, &self.f], resets);
+        if let Some(tape) = &mut self.derivatives.tape {
+            let n_c = self.derivatives.time_row.len() - 1;
+            tape.jump(log, &self.derivatives.time_row[..n_c], [&self.f_before, &self.f], resets);
         }
         self.project_sensitivity()
     }
@@ -265,7 +266,7 @@ impl Engine {
     /// The watch of the guard of a transition on its way to zero, if there is one.
     fn watch_of(&self, transition: usize) -> Option<usize> {
         let is_its = |w: &Watch| matches!(*w, Watch::Guard { guard, back: false, .. } if guard == transition);
-        self.watches.iter().position(is_its)
+        self.functions.watches.iter().position(is_its)
     }
 
     /// Transition `g` happens at a time of its own behind those with these resets, see [`Tape::jump`](crate::event::tape::Tape::jump).
@@ -285,9 +286,9 @@ impl Engine {
         self.field.watched(self.t, &self.x)?;
         self.field.watched_gradients(self.t, &self.x)?;
         let at = (self.t, &self.x[..], &self.f[..]);
-        self.watches[l].time_gradient(&mut self.field, at, &mut self.time_row)?;
-        if let Some(s) = &mut self.sens {
-            s.time(&self.time_row);
+        self.functions.watches[l].time_gradient(&mut self.field, at, &mut self.derivatives.time_row)?;
+        if let Some(s) = &mut self.derivatives.sens {
+            s.time(&self.derivatives.time_row);
             s.advance(&self.f_before, 1.0);
         }
         Ok(())
@@ -296,14 +297,14 @@ impl Engine {
     /// Does a transition act at the present point: is its guard watched and beyond zero, or at zero and on its way? And is
     /// it at zero: then a small change decides whether it acts now.
     fn acts(&mut self, l: usize) -> std::result::Result<Option<(usize, bool)>, EvalError> {
-        let w = self.watches[l];
+        let w = self.functions.watches[l];
         let Watch::Guard { guard, back: false, .. } = w else { return Ok(None) };
-        let value = w.value(&self.q0, &self.field);
+        let value = w.value(&self.functions.q0, &self.field);
         if self.is_level(&w, value) {
             // rounding: it has happened, or happens with what vanished here
             return Ok(w.place().filter(|a| self.is_due(*a)).map(|_| (guard, false)));
         }
-        let (scale, rate) = w.scale_and_rate(&self.dq0, &self.field, (self.t, &self.x), &self.f);
+        let (scale, rate) = w.scale_and_rate(&self.functions.dq0, &self.field, (self.t, &self.x), &self.f);
         let tol = (64.0 * EPS * scale.value).max(8.0 * EPS * rate.abs() * self.t.abs());
         let acts = value < -tol
             // all states are asked how fast they are where a guard is at zero only
@@ -313,7 +314,7 @@ impl Engine {
 
     /// The first transition that acts.
     fn held(&mut self) -> std::result::Result<Option<(usize, bool)>, EvalError> {
-        for l in 0..self.watches.len() {
+        for l in 0..self.functions.watches.len() {
             let found = self.acts(l)?;
             if found.is_some() {
                 return Ok(found);
@@ -332,8 +333,8 @@ impl Engine {
         if self.field.n_alg() == 0 || self.field.has_contacts() || self.field.in_limit_set() {
             return Ok(0.0);
         }
-        let mut there = std::mem::take(&mut self.node);
-        let mut velocity = std::mem::take(&mut self.step.f);
+        let mut there = std::mem::take(&mut self.stepper.node);
+        let mut velocity = std::mem::take(&mut self.stepper.step.f);
         there.copy_from_slice(&self.x);
         let length = self.usual_step();
         let mut pull = vec![0.0f64; self.nx];
@@ -342,7 +343,7 @@ impl Engine {
         }
         for k in (0..self.field.subs.len()).filter(|k| self.field.active[*k].len() > 1) {
             for j in self.field.surfaces(k) {
-                for (i, g) in self.field.gradients.row(&self.dq0, j).states() {
+                for (i, g) in self.field.gradients.row(&self.functions.dq0, j).states() {
                     // by different parts, as those of two states may cancel
                     let part = 1.0 + (0.618_034 * i as f64).fract();
                     if g != 0.0 {
@@ -355,9 +356,10 @@ impl Engine {
         let alpha = self.field.alpha[..n_alg].to_vec();
         let known = self.field.rhs(self.t, &there, &mut velocity);
         self.field.alpha[..n_alg].copy_from_slice(&alpha);
-        let change = w.rate(&self.dq0, &self.field, &velocity) - w.rate(&self.dq0, &self.field, &self.f);
-        self.node = there;
-        self.step.f = velocity;
+        let change =
+            w.rate(&self.functions.dq0, &self.field, &velocity) - w.rate(&self.functions.dq0, &self.field, &self.f);
+        self.stepper.node = there;
+        self.stepper.step.f = velocity;
         match known {
             Ok(()) if change.is_finite() => Ok(SEEN / FAR * change.abs()),
             Ok(()) | Err(EvalError::Recoverable) => Ok(0.0),
@@ -368,7 +370,7 @@ impl Engine {
     /// Does the guard of transition `g`, which has just been made, go on below zero?
     fn goes_on(&mut self, g: usize) -> std::result::Result<bool, EvalError> {
         let Some(l) = self.watch_of(g) else { return Ok(false) };
-        match self.level(&self.watches[l]) {
+        match self.level(&self.functions.watches[l]) {
             0.0 => Ok(self.acts(l)?.is_some()),
             level => self.falls_ahead(l, level),
         }

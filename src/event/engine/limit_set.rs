@@ -70,28 +70,29 @@ impl Engine {
         const FAST: f64 = 0.25;
         /// A time in units of its rounding.
         const LATE: f64 = 1e3;
-        if self.recent.n < FEW || self.recent.are_transitions() {
+        if self.calendar.recent.n < FEW || self.calendar.recent.are_transitions() {
             return Ok(None);
         }
-        if self.recent.n % MEMORY == 0 {
-            let sum = self.recent.gaps.iter().sum();
-            self.shrinking.note(sum);
+        if self.calendar.recent.n % MEMORY == 0 {
+            let sum = self.calendar.recent.gaps.iter().sum();
+            self.calendar.shrinking.note(sum);
         }
         // the state moves within the tolerance from one switch to the next
-        let gap = self.recent.last_gap();
+        let gap = self.calendar.recent.last_gap();
         let close = (0..self.nx).all(|i| self.f[i].abs() * gap <= 10.0 * self.tolerance_of(i));
-        let endless = self.shrinking.endless();
+        let endless = self.calendar.shrinking.endless();
         // an unstable set is left by ever longer ways
-        let later: f64 = (MEMORY / 2..MEMORY).map(|i| self.recent.gap(i)).sum();
-        let many = self.recent.n > MEMORY;
+        let later: f64 = (MEMORY / 2..MEMORY).map(|i| self.calendar.recent.gap(i)).sum();
+        let many = self.calendar.recent.n > MEMORY;
         // times between them that are hardly more than rounding say nothing soon
         let late = gap <= LATE * EPS * self.t.abs();
-        let shrinks = later < 0.5 * self.recent.gaps.iter().sum::<f64>() && (self.recent.n % 4 == 0 || late);
-        let falls = gap < FAST * self.recent.gap(MEMORY - 2) && self.recent.are_crossings_of_one(FEW);
-        if !(close && (many && shrinks || falls) || endless && self.recent.n % MEMORY == 0) {
+        let shrinks =
+            later < 0.5 * self.calendar.recent.gaps.iter().sum::<f64>() && (self.calendar.recent.n % 4 == 0 || late);
+        let falls = gap < FAST * self.calendar.recent.gap(MEMORY - 2) && self.calendar.recent.are_crossings_of_one(FEW);
+        if !(close && (many && shrinks || falls) || endless && self.calendar.recent.n % MEMORY == 0) {
             return Ok(None);
         }
-        let from = self.recent.before_last(if many { MEMORY } else { FEW });
+        let from = self.calendar.recent.before_last(if many { MEMORY } else { FEW });
         if self.options.zeno == Zeno::Stop {
             let text =
                 format!("switches come ever closer: the last {MANY} of them have an end within reach or none at all");
@@ -106,7 +107,7 @@ impl Engine {
             NEAR
         };
         let p = self.enter_limit_set(most, self.t, Origin::Outside)?;
-        self.stats.accumulations += usize::from(p.is_some());
+        self.log.stats.accumulations += usize::from(p.is_some());
         Ok(p)
     }
 
@@ -117,16 +118,16 @@ impl Engine {
         if self.options.zeno == Zeno::Stop || self.field.has_contacts() {
             return Ok(None);
         }
-        let failure = (self.outcome, std::mem::take(&mut self.reason));
-        self.outcome = Outcome::Reached;
+        let failure = (self.log.outcome, std::mem::take(&mut self.log.reason));
+        self.log.outcome = Outcome::Reached;
         self.field.set_active(before);
         let within = from.is_inside();
         let around = if matches!(from, Origin::Lost { .. }) { FAILED } else { 1.0 };
         let near = within || recover(self.mark_near_surfaces(around).map(|()| true), false)?;
         let p = if near { self.enter_limit_set(FAILED, self.t, from)? } else { None };
         match p {
-            Some(_) => self.stats.accumulations += usize::from(!within),
-            None => (self.outcome, self.reason) = failure,
+            Some(_) => self.log.stats.accumulations += usize::from(!within),
+            None => (self.log.outcome, self.log.reason) = failure,
         }
         Ok(p)
     }
@@ -137,20 +138,20 @@ impl Engine {
         /// Steps of one mode from one look to the next, and how far the set may be, in tolerances.
         const LOOK: usize = 64;
         const REST: f64 = 10.0;
-        self.slid += 1;
-        if self.slid % LOOK != 0 || self.field.n_alg() == 0 || self.field.in_limit_set() {
+        self.stepper.slid += 1;
+        if self.stepper.slid % LOOK != 0 || self.field.n_alg() == 0 || self.field.in_limit_set() {
             return Ok(None);
         }
         if self.options.zeno == Zeno::Stop || self.field.has_contacts() {
             return Ok(None);
         }
-        let r = self.field.rhs(self.t, &self.x, &mut self.node);
+        let r = self.field.rhs(self.t, &self.x, &mut self.stepper.node);
         let lost = recover(r.and_then(|()| self.field.has_lost_influence(self.t, &self.x)), false)?;
         if !lost || !recover(self.mark_near_surfaces(REST).map(|()| true), false)? {
             return Ok(None);
         }
         let p = self.enter_limit_set(REST, self.t, Origin::Outside)?;
-        self.stats.accumulations += usize::from(p.is_some());
+        self.log.stats.accumulations += usize::from(p.is_some());
         Ok(p)
     }
 
@@ -158,11 +159,11 @@ impl Engine {
     pub(super) fn mark_near_surfaces(&mut self, most: f64) -> std::result::Result<(), EvalError> {
         self.field.watched(self.t, &self.x)?;
         self.field.watched_gradients(self.t, &self.x)?;
-        let from = self.recent.before_last(MEMORY);
-        if self.recent.n > MEMORY && !self.recent.are_transitions() {
+        let from = self.calendar.recent.before_last(MEMORY);
+        if self.calendar.recent.n > MEMORY && !self.calendar.recent.are_transitions() {
             self.mark_since(from);
         } else {
-            self.zero.fill(false);
+            self.functions.zero.fill(false);
             self.keep_surfaces();
         }
         for s in &self.field.subs {
@@ -170,7 +171,7 @@ impl Engine {
             for j in s.q0..s.q0 + s.n_q {
                 let reach = self.reach_of(j);
                 let value = self.field.q[j] - if s.signs { 0.0 } else { least };
-                self.zero[j] |= value.abs() <= most * reach;
+                self.functions.zero[j] |= value.abs() <= most * reach;
             }
         }
         Ok(())
@@ -200,13 +201,16 @@ impl Engine {
         }
         let within = from.is_inside();
         self.set_sizes(1.0);
-        let at_once = self.t - self.limits.0 <= self.no_time();
+        let at_once = self.t - self.calendar.limits.0 <= self.no_time();
         let before = self.field.active.clone();
         if !within {
             self.unmark_distant(most);
         }
         let mut sets = self.candidates();
-        if at_once && self.limits.1 > TRIES || sets.iter().all(|c| c.len() < 2) || sets.iter().any(|c| c.len() > MEET) {
+        if at_once && self.calendar.limits.1 > TRIES
+            || sets.iter().all(|c| c.len() < 2)
+            || sets.iter().any(|c| c.len() > MEET)
+        {
             return Ok(None);
         }
         if within {
@@ -229,24 +233,27 @@ impl Engine {
         let Some(error) = found.filter(|_| tied(&self.field.active) >= least) else {
             self.field.release(held);
             self.field.limit = present;
-            let r = self.field.rhs(self.t, &self.x, &mut self.node).and_then(|()| self.field.watched(self.t, &self.x));
+            let r = self
+                .field
+                .rhs(self.t, &self.x, &mut self.stepper.node)
+                .and_then(|()| self.field.watched(self.t, &self.x));
             recover(r.map(|()| true), false)?;
             return Ok(None);
         };
-        self.limits = (self.t, if at_once { self.limits.1 + 1 } else { 0 });
+        self.calendar.limits = (self.t, if at_once { self.calendar.limits.1 + 1 } else { 0 });
         if !within {
-            self.recent.forget();
-            self.recent.falling = Default::default();
-            self.shrinking = Shrinking::default();
-            let t = self.recent.limit(limit);
+            self.calendar.recent.forget();
+            self.calendar.recent.falling = Default::default();
+            self.calendar.shrinking = Shrinking::default();
+            let t = self.calendar.recent.limit(limit);
             self.accumulations_push(Accumulation { t, until: self.t, steps: 0, error });
         }
         self.mark_time(Time::Unknown);
         let start = self.x.clone();
-        self.x.copy_from_slice(&self.node);
-        (self.next_pair, self.cut) = (Pair::Dp5, Cut::default());
+        self.x.copy_from_slice(&self.stepper.node);
+        (self.stepper.next_pair, self.stepper.cut) = (Pair::Dp5, Cut::default());
         let r = self.enter();
-        self.one_sided = true;
+        self.log.one_sided = true;
         self.blur_sensitivity();
         let entered = recover(r.map(|()| true), false)?;
         let moved = |e: &Engine, i: usize| (e.x[i] - start[i]).abs() / e.tolerance_of(i);
@@ -267,17 +274,17 @@ impl Engine {
         /// In units of the root of the rounding of the sizes of states.
         const AROUND: f64 = 64.0;
         let reach = AROUND * EPS.sqrt();
-        (0..self.nx).all(|i| (self.node[i] - self.x[i]).abs() <= reach * self.field.size(i, self.x[i]))
+        (0..self.nx).all(|i| (self.stepper.node[i] - self.x[i]).abs() <= reach * self.field.size(i, self.x[i]))
     }
 
     /// At a switch of functions that the limit set does not tie by order two the motion in it goes on; false where it does not.
     pub(super) fn stay_in_limit_set(&mut self, l: usize, before: &[Vec<usize>]) -> Result<bool> {
-        let (sub, mut functions) = match self.watches[l] {
+        let (sub, mut functions) = match self.functions.watches[l] {
             Watch::Enter { sub, a, .. } => (sub, a..a + 1),
             Watch::Leave { sub, .. } => (sub, self.field.surfaces(sub)),
             _ => return Ok(false),
         };
-        let from_watch = self.watches[l];
+        let from_watch = self.functions.watches[l];
         let from = match from_watch {
             Watch::Leave { sub, cell } if before[sub].len() == 2 => Origin::Weight { sub, cell },
             _ => Origin::Inside,
@@ -286,22 +293,22 @@ impl Engine {
         if self.field.in_limit(sub) && !beside || !recover(self.arrive().map(|()| true), false)? {
             return Ok(false);
         }
-        self.zero.fill(false);
-        if let Watch::Enter { a, b, .. } = self.watches[l] {
-            self.zero[a] = true;
+        self.functions.zero.fill(false);
+        if let Watch::Enter { a, b, .. } = self.functions.watches[l] {
+            self.functions.zero[a] = true;
             if let Some(b) = b {
-                self.zero[b] = true;
+                self.functions.zero[b] = true;
             }
         }
         self.keep_surfaces();
-        let stays = self.enter_limit_set(FAILED, self.t, from)?.is_some() && self.outcome == Outcome::Reached;
+        let stays = self.enter_limit_set(FAILED, self.t, from)?.is_some() && self.log.outcome == Outcome::Reached;
         if stays {
             let source = self.source(&from_watch);
             self.remember(source, None);
-            let rate = self.watches.get(l).map_or(0.0, |w| w.rate(&self.dq0, &self.field, &self.f));
+            let rate = self.functions.watches.get(l).map_or(0.0, |w| w.rate(&self.functions.dq0, &self.field, &self.f));
             if self.field.active == before && rate > 0.0 {
                 // next to where switches accumulate the slowest rate may be that of a zero of order one
-                self.depart[l] = 1;
+                self.functions.depart[l] = 1;
             }
         }
         Ok(stays)
@@ -314,22 +321,22 @@ impl Engine {
         }
         self.field.watched(self.t, &self.x)?;
         self.field.watched_gradients(self.t, &self.x)?;
-        self.zero.fill(false);
+        self.functions.zero.fill(false);
         self.keep_surfaces();
         let stays = matches!(self.enter_limit_set(1.0, self.t, Origin::Inside), Ok(Some(_)));
-        Ok(stays && self.outcome == Outcome::Reached)
+        Ok(stays && self.log.outcome == Outcome::Reached)
     }
 
     /// What lies so many tolerances away is not tied: its sign decides.
     fn unmark_distant(&mut self, most: f64) {
-        let tied = std::mem::take(&mut self.zero);
-        self.zero = vec![false; tied.len()];
+        let tied = std::mem::take(&mut self.functions.zero);
+        self.functions.zero = vec![false; tied.len()];
         self.keep_surfaces();
         for j in (0..self.field.subs.len()).flat_map(|k| self.field.surfaces(k)).filter(|j| tied[*j]) {
-            self.zero[j] |= self.field.q[j].abs() <= most * self.reach_of(j);
+            self.functions.zero[j] |= self.field.q[j].abs() <= most * self.reach_of(j);
         }
         for s in self.field.subs.iter().filter(|s| !s.signs) {
-            (s.q0..s.q0 + s.n_q).for_each(|j| self.zero[j] = tied[j]);
+            (s.q0..s.q0 + s.n_q).for_each(|j| self.functions.zero[j] = tied[j]);
         }
     }
 
@@ -341,7 +348,7 @@ impl Engine {
         let open =
             |k: &usize| sets[*k].len() > 1 && (!within || self.apart.open.contains(k) || self.field.in_limit(*k));
         let functions = (0..self.field.subs.len()).filter(open).flat_map(|k| self.field.surfaces(k));
-        functions.filter(|j| self.zero[*j] && !self.field.is_of_order_two(*j)).take(LOOSE).collect()
+        functions.filter(|j| self.functions.zero[*j] && !self.field.is_of_order_two(*j)).take(LOOSE).collect()
     }
 
     /// Makes the motion in the limit set of `sets` the active mode, or, where its conditions contradict each other, that in one
@@ -380,8 +387,8 @@ impl Engine {
     fn leaves_by(&mut self, signs: &[(usize, f64)]) -> std::result::Result<bool, EvalError> {
         /// A rate of at most this part of the size of its terms leaves a doubt about its sign.
         const DOUBT: f64 = 1e-6;
-        self.field.watched(self.t, &self.node)?;
-        self.field.watched_gradients(self.t, &self.node)?;
+        self.field.watched(self.t, &self.stepper.node)?;
+        self.field.watched_gradients(self.t, &self.stepper.node)?;
         let (mut velocity, mut terms) = (vec![0.0; self.nx], vec![0.0; self.nx]);
         self.field.combine(&mut velocity);
         self.field.combine_sizes(&mut terms);
@@ -424,7 +431,7 @@ impl Engine {
             .filter(|k| self.field.active[*k].len() > 1)
             .all(|k| self.field.active[k].iter().all(|c| self.field.theta(*c) >= INSIDE));
         let distance = (0..self.nx).fold(0.0f64, |m, i| m.max((y[i] - self.x[i]).abs() / self.tolerance_of(i)));
-        self.node.copy_from_slice(&y);
+        self.stepper.node.copy_from_slice(&y);
         Ok((inside && distance.is_finite()).then_some(distance))
     }
 }

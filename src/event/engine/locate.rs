@@ -44,40 +44,42 @@ impl Engine {
     /// if that does not succeed. No step goes beyond the time asked for: a switch that turns out to lie behind it is left
     /// to the next call.
     pub(super) fn land(&mut self, l: usize, s: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
-        self.flat = None;
+        self.functions.flat = None;
         if self.ends_inside(l, s) {
             return self.land_inside(l, s, slope, grown);
         }
-        let full = self.step.h;
+        let full = self.stepper.step.h;
         let mut h = s * full;
         let floor = 4.0 * EPS * self.t.abs().max(full);
-        if h <= floor && self.depart[l] == 1 && matches!(self.watches[l], Watch::Guard { .. }) {
+        if h <= floor && self.functions.depart[l] == 1 && matches!(self.functions.watches[l], Watch::Guard { .. }) {
             // a guard that has just been left with a positive rate: the step is too long for its interpolation, or so short
             // that all is rounding
-            let before = self.recent.of(self.source(&self.watches[l])).back(0).unwrap_or(self.t_start);
-            let flight = self.recent.of(self.source(&self.watches[l])).gap(0).unwrap_or(self.t - before);
-            if self.step.h > ROUNDING * flight {
+            let before =
+                self.calendar.recent.of(self.source(&self.functions.watches[l])).back(0).unwrap_or(self.t_start);
+            let flight =
+                self.calendar.recent.of(self.source(&self.functions.watches[l])).gap(0).unwrap_or(self.t - before);
+            if self.stepper.step.h > ROUNDING * flight {
                 return Ok(None);
             }
             return Ok(Some(self.end_at_accumulation(self.t)));
         }
         if h <= floor {
             // at the start itself: the active set was not the right one
-            self.stats.relocations += 1;
+            self.log.stats.relocations += 1;
             return self.switch(l, slope, 0.25 * full).map(Some);
         }
         let (mut slope, mut before, mut last) = (slope, None, f64::NAN);
         let base = self.begins_at(l);
         // what the interpolation says may be off by a little
         let most = (1.1 * full).min(self.t_stop - self.t);
-        let end = self.w1[l];
+        let end = self.functions.w1[l];
         // between two zeros that nearly are one (a short flight in a long step) the way is halved until it is between them
-        let tries = if self.watches[l].is_left_by_jumps() { 60 } else { 12 };
-        let bracketed = matches!(self.watches[l], Watch::Enter { .. });
+        let tries = if self.functions.watches[l].is_left_by_jumps() { 60 } else { 12 };
+        let bracketed = matches!(self.functions.watches[l], Watch::Enter { .. });
         let mut bracket = Bracket::default();
         for k in 0..if bracketed { MOST } else { tries } {
-            self.step.h = h;
-            self.stats.relocations += 1;
+            self.stepper.step.h = h;
+            self.log.stats.relocations += 1;
             match self.attempt()? {
                 Tried::Error(e) if e <= 10.0 => {}
                 _ => return Ok(None),
@@ -127,7 +129,7 @@ impl Engine {
                 (false, None) => break,
             };
         }
-        if let (Some((value, _)), Watch::Leave { .. }) = (before, self.watches[l]) {
+        if let (Some((value, _)), Watch::Leave { .. }) = (before, self.functions.watches[l]) {
             // weights are between 0 and 1: what is far from zero is not where it vanishes
             let rtol = self.rtol.iter().fold(0.0f64, |m, v| m.max(*v));
             if value > rtol.sqrt() {
@@ -138,9 +140,9 @@ impl Engine {
             return Ok(p);
         }
         // grazing: the length hardly matters for the value any more
-        if let (Some((value, _)), Watch::Contact { .. }) = (before, self.watches[l]) {
+        if let (Some((value, _)), Watch::Contact { .. }) = (before, self.functions.watches[l]) {
             let rtol = self.rtol.iter().fold(0.0f64, |m, v| m.max(*v));
-            if value > rtol * self.watches[l].scale(&self.dq0, &self.field, self.t, &self.x).value {
+            if value > rtol * self.functions.watches[l].scale(&self.functions.dq0, &self.field, self.t, &self.x).value {
                 // there is no zero here: the step is too long for its interpolation
                 return Ok(None);
             }
@@ -154,27 +156,27 @@ impl Engine {
     fn ends_inside(&self, l: usize, s: f64) -> bool {
         /// Part of what it is off by in the middle.
         const NEAR: f64 = 0.05;
-        if !self.may_end_inside() || !self.dense_ready || self.depart[l] != 0 {
+        if !self.may_end_inside() || !self.stepper.dense_ready || self.functions.depart[l] != 0 {
             return false;
         }
-        let w = self.watches[l];
+        let w = self.functions.watches[l];
         let of_cell = matches!(w, Watch::Enter { .. } | Watch::Leave { .. });
         let straight = matches!(w, Watch::Guard { .. }) && w.is_affine(&self.field);
         let off = (4.0 * s * (1.0 - s)).powi(2);
-        let near = self.foreseen && s > 0.5 && off <= NEAR && off * self.tried <= ACCURATE;
-        near && (of_cell || straight) || of_cell && self.is_cut_short() && self.tried <= ACCURATE
+        let near = self.stepper.foreseen && s > 0.5 && off <= NEAR && off * self.stepper.tried <= ACCURATE;
+        near && (of_cell || straight) || of_cell && self.is_cut_short() && self.stepper.tried <= ACCURATE
     }
 
     /// Ends the step where the watched function vanishes on its dense output, and switches there. `None` if that does not
     /// succeed.
     fn land_inside(&mut self, l: usize, mut s: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
-        let full = self.step.h;
-        let w = self.watches[l];
+        let full = self.stepper.step.h;
+        let w = self.functions.watches[l];
         if !w.is_affine(&self.field) {
             let Some(found) = self.sharpen(l, s, slope)? else { return Ok(None) };
             s = found;
             // its gradients are known at the end of the step
-            let at_end = w.rate(&self.dq1, &self.field, &self.step.f1);
+            let at_end = w.rate(&self.functions.dq1, &self.field, &self.stepper.step.f1);
             if let Some(p) = self.land_if_flat(l, (at_end, full), slope, grown)? {
                 return Ok(p);
             }
@@ -185,17 +187,17 @@ impl Engine {
         if s * full <= 4.0 * EPS * self.t.abs().max(full) {
             return Ok(None);
         }
-        self.stats.relocations += 1;
-        self.step.end_at(s);
+        self.log.stats.relocations += 1;
+        self.stepper.step.end_at(s);
         // so much of the error of the end has been made
-        self.tried *= s * s * (3.0 - 2.0 * s);
-        let mut t = (self.t + self.step.h).min(self.t_stop);
+        self.stepper.tried *= s * s * (3.0 - 2.0 * s);
+        let mut t = (self.t + self.stepper.step.h).min(self.t_stop);
         let Some((mut value, mut rate)) = recover(self.watched(l, t).map(Some), None)? else { return Ok(None) };
         // the last digits, along the velocity
         for _ in 0..if w.is_leave() { 0 } else { 3 } {
-            let rounding = w.rounding(&self.field.dq, &self.field, t, &self.step.x1);
+            let rounding = w.rounding(&self.field.dq, &self.field, t, &self.stepper.step.x1);
             let rate_now = if rate < 0.0 { rate } else { slope };
-            let most = 0.01 * self.step.h;
+            let most = 0.01 * self.stepper.step.h;
             let delta = (-value / rate_now).clamp(-most, most.min(self.t_stop - t));
             if value.abs() <= rounding || delta == 0.0 {
                 break;
@@ -204,7 +206,7 @@ impl Engine {
                 // a zero of the dense output alone, which is off by more than the function changes: a shorter step has none
                 return Ok(None);
             }
-            self.step.x1.iter_mut().zip(&self.step.f1).for_each(|(x, f)| *x += delta * f);
+            self.stepper.step.x1.iter_mut().zip(&self.stepper.step.f1).for_each(|(x, f)| *x += delta * f);
             t += delta;
             match recover(self.watched(l, t).map(Some), None)? {
                 Some(found) => (value, rate) = found,
@@ -212,15 +214,15 @@ impl Engine {
             }
         }
         // the weights there, and the velocity that the switch begins with
-        let r = self.field.rhs(t, &self.step.x1, &mut self.step.f1);
+        let r = self.field.rhs(t, &self.stepper.step.x1, &mut self.stepper.step.f1);
         if !recover(r.map(|()| true), false)? || self.overlooked(l) {
             return Ok(None);
         }
-        self.w1[..self.watches.len()].fill(f64::NAN);
+        self.functions.w1[..self.functions.watches.len()].fill(f64::NAN);
         self.accept(t)?;
         // derivatives evaluate the field elsewhere
-        self.known_end = self.sens.is_none();
-        let grown = if self.note_end(true) { grown.min(self.step.h) } else { grown };
+        self.known_end = self.derivatives.sens.is_none();
+        let grown = if self.note_end(true) { grown.min(self.stepper.step.h) } else { grown };
         self.switch(l, slope, grown).map(Some)
     }
 
@@ -228,26 +230,26 @@ impl Engine {
     fn sharpen(&mut self, l: usize, mut s: f64, slope: f64) -> Result<Option<f64>> {
         /// Part of the step.
         const SHARP: f64 = 1e-8;
-        let w = self.watches[l];
+        let w = self.functions.watches[l];
         let mut before: Option<(f64, f64)> = None;
         for _ in 0..6 {
-            let t = self.step.t + s * self.step.h;
-            self.step.at(s, &mut self.node);
+            let t = self.stepper.step.t + s * self.stepper.step.h;
+            self.stepper.step.at(s, &mut self.stepper.node);
             let alone = match w {
-                Watch::Leave { cell, .. } => self.field.weight_alone(cell, t, &self.node),
+                Watch::Leave { cell, .. } => self.field.weight_alone(cell, t, &self.stepper.node),
                 _ => None,
             };
             let r = match w {
                 _ if alone.is_some() => Ok(()),
-                Watch::Leave { .. } => self.field.hidden(t, &self.node),
-                _ => self.field.watched(t, &self.node),
+                Watch::Leave { .. } => self.field.hidden(t, &self.stepper.node),
+                _ => self.field.watched(t, &self.stepper.node),
             };
             if !recover(r.map(|()| true), false)? {
                 return Ok(None);
             }
             let value = alone.unwrap_or_else(|| w.value(&self.field.q, &self.field));
             let secant = before.map_or(f64::NAN, |(v, at)| (value - v) / (s - at));
-            let per_step = if secant < 0.0 { secant } else { slope * self.step.h };
+            let per_step = if secant < 0.0 { secant } else { slope * self.stepper.step.h };
             before = Some((value, s));
             let next = s - value / per_step;
             // NaN fails too
@@ -264,51 +266,51 @@ impl Engine {
 
     /// The step to the time asked for, which a watched function seemed to vanish in; `end` is its value there.
     fn pass(&mut self, l: usize, slope: f64, grown: f64, end: f64) -> Result<Option<Progress>> {
-        if end <= 0.0 || self.step.t + self.step.h < self.t_stop {
+        if end <= 0.0 || self.stepper.step.t + self.stepper.step.h < self.t_stop {
             return self.touch_down(l, slope, grown).map(Some);
         }
         let t_stop = self.t_stop;
         self.accept(t_stop)?;
-        self.h = grown;
+        self.stepper.h = grown;
         Ok(Some(Progress::Stepped))
     }
 
     /// Does another watched function say that a switch before this one was missed? Then a shorter step shows it.
     pub(super) fn overlooked(&self, l: usize) -> bool {
-        self.looked.iter().any(|&m| {
-            let w = &self.watches[m];
+        self.functions.looked.iter().any(|&m| {
+            let w = &self.functions.watches[m];
             let value = w.value(&self.field.q, &self.field);
-            if m == l || self.depart[m] != 0 || value >= 0.0 {
+            if m == l || self.functions.depart[m] != 0 || value >= 0.0 {
                 return false;
             }
-            let near = 1e4 * EPS * w.scale(&self.field.dq, &self.field, self.t, &self.step.x1).value;
-            value < -near.max(1e-2 * self.w0[m])
+            let near = 1e4 * EPS * w.scale(&self.field.dq, &self.field, self.t, &self.stepper.step.x1).value;
+            value < -near.max(1e-2 * self.functions.w0[m])
         })
     }
 
     /// Is a straight line over this time as good as the step, with a margin?
     pub(super) fn is_short(&self, delta: f64, l: usize) -> bool {
-        let s = &self.step;
+        let s = &self.stepper.step;
         // what is lost at every impact has the same sign: over ten thousand of them it adds up
-        let share = if matches!(self.watches[l], Watch::Contact { .. }) { 1e7 } else { 1e3 };
+        let share = if matches!(self.functions.watches[l], Watch::Contact { .. }) { 1e7 } else { 1e3 };
         let bend = share * delta * delta / s.h;
-        let straight = (0..self.nx).all(|i| bend * (s.f1[i] - s.f0[i]).abs() * self.weights[i] <= 1.0);
-        !self.step_implicit && delta.abs() <= 0.01 * s.h && straight
+        let straight = (0..self.nx).all(|i| bend * (s.f1[i] - s.f0[i]).abs() * self.stepper.weights[i] <= 1.0);
+        !self.stepper.step_implicit && delta.abs() <= 0.01 * s.h && straight
     }
 
     /// May the last digits be a straight line over this time? Where a function hardly changes, rounding of its value is a long time.
     pub(super) fn may_be_straight(&self, delta: f64, l: usize) -> bool {
-        let floor = 4.0 * EPS * self.t.abs().max(self.step.h);
-        self.step_implicit && delta.is_finite()
-            || delta.abs() <= (1e-8 * self.step.h).max(floor)
+        let floor = 4.0 * EPS * self.t.abs().max(self.stepper.step.h);
+        self.stepper.step_implicit && delta.is_finite()
+            || delta.abs() <= (1e-8 * self.stepper.step.h).max(floor)
             || self.is_short(delta, l)
     }
 
     /// What a watched function that begins a little below zero comes back to, see [`Watch::may_begin_below`]; else zero.
     pub(super) fn begins_at(&self, l: usize) -> f64 {
-        let below = self.depart[l] > 0 && self.watches[l].may_begin_below();
+        let below = self.functions.depart[l] > 0 && self.functions.watches[l].may_begin_below();
         if below {
-            self.w0[l].min(0.0)
+            self.functions.w0[l].min(0.0)
         } else {
             0.0
         }
@@ -316,21 +318,21 @@ impl Engine {
 
     /// Value and rate of a watched function at the end of the step; the rate of a weight is NaN.
     pub(super) fn watched(&mut self, l: usize, t: f64) -> std::result::Result<(f64, f64), EvalError> {
-        let w = self.watches[l];
-        self.field.watched(t, &self.step.x1)?;
-        self.field.watched_gradients(t, &self.step.x1)?;
+        let w = self.functions.watches[l];
+        self.field.watched(t, &self.stepper.step.x1)?;
+        self.field.watched_gradients(t, &self.stepper.step.x1)?;
         let value = w.value(&self.field.q, &self.field);
         let rate = match w {
             Watch::Leave { .. } => f64::NAN,
-            _ => w.rate_in(&self.field.q, &self.field.dq, &self.field, &self.step.f1),
+            _ => w.rate_in(&self.field.q, &self.field.dq, &self.field, &self.stepper.step.f1),
         };
         Ok((value, rate))
     }
 
     /// The same where only this function has to be known.
     fn watched_alone(&mut self, l: usize, t: f64) -> std::result::Result<(f64, f64), EvalError> {
-        let Watch::Contact { contact, what, .. } = self.watches[l] else { return self.watched(l, t) };
-        match self.field.contact_alone((contact, what), (t, &self.step.x1), &self.step.f1)? {
+        let Watch::Contact { contact, what, .. } = self.functions.watches[l] else { return self.watched(l, t) };
+        match self.field.contact_alone((contact, what), (t, &self.stepper.step.x1), &self.stepper.step.f1)? {
             Some(found) => Ok(found),
             None => self.watched(l, t),
         }
@@ -338,7 +340,7 @@ impl Engine {
 
     /// The last digits of the switching time: along the velocity, which is exact to rounding over so short a time.
     pub(super) fn touch_down(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
-        let mut t = (self.t + self.step.h).min(self.t_stop);
+        let mut t = (self.t + self.stepper.step.h).min(self.t_stop);
         let base = self.begins_at(l);
         for k in 0..4 {
             // all that is watched is known where the step ends
@@ -346,27 +348,27 @@ impl Engine {
             let Some((value, rate)) = recover(found, None)? else { break };
             let value = value - base;
             let rate = if rate < 0.0 { rate } else { slope };
-            let rounding = self.watches[l].rounding(&self.field.dq, &self.field, t, &self.step.x1);
-            let most = if self.step_implicit { 1e-6 } else { 0.01 } * self.step.h;
+            let rounding = self.functions.watches[l].rounding(&self.field.dq, &self.field, t, &self.stepper.step.x1);
+            let most = if self.stepper.step_implicit { 1e-6 } else { 0.01 } * self.stepper.step.h;
             let delta = (-value / rate).max(-most).min(most.min(self.t_stop - t));
             if value.abs() <= rounding || !self.may_be_straight(delta, l) || delta == 0.0 {
                 break;
             }
-            for (x, f) in self.step.x1.iter_mut().zip(&self.step.f1) {
+            for (x, f) in self.stepper.step.x1.iter_mut().zip(&self.stepper.step.f1) {
                 *x += delta * f;
             }
             t += delta;
             if self.field.n_alg() > 0 {
                 // the weights at the new point
-                let r = self.field.rhs(t, &self.step.x1, &mut self.node).map(|()| true);
+                let r = self.field.rhs(t, &self.stepper.step.x1, &mut self.stepper.node).map(|()| true);
                 if !recover(r, false)? {
                     break;
                 }
             }
         }
-        self.w1[..self.watches.len()].fill(f64::NAN);
+        self.functions.w1[..self.functions.watches.len()].fill(f64::NAN);
         self.accept(t)?;
-        let grown = if self.note_end(true) { grown.min(self.step.h) } else { grown };
+        let grown = if self.note_end(true) { grown.min(self.stepper.step.h) } else { grown };
         self.switch(l, slope, grown)
     }
 
@@ -375,9 +377,9 @@ impl Engine {
     pub(super) fn reach_surface(&mut self) -> Result<Option<Progress>> {
         let nx = self.nx;
         let mut nearest = (f64::INFINITY, 0, 0.0);
-        for &l in &self.looked {
-            let rate = self.watches[l].rate_in(&self.q0, &self.dq0, &self.field, &self.f);
-            let left = -self.w0[l] / rate;
+        for &l in &self.functions.looked {
+            let rate = self.functions.watches[l].rate_in(&self.functions.q0, &self.functions.dq0, &self.field, &self.f);
+            let left = -self.functions.w0[l] / rate;
             if rate < 0.0 && left >= 0.0 && left < nearest.0 {
                 nearest = (left, l, rate);
             }
@@ -386,7 +388,7 @@ impl Engine {
         if left > self.no_time() || self.field.n_alg() > 0 {
             return Ok(None);
         }
-        let s = &mut self.step;
+        let s = &mut self.stepper.step;
         s.h = left.max(f64::MIN_POSITIVE);
         for i in 0..nx {
             s.x1[i] = s.x0[i] + left * s.f0[i];
@@ -396,12 +398,12 @@ impl Engine {
             s.k[i] = [s.f0[i]; 16];
         }
         s.f1.copy_from_slice(&s.f0);
-        self.dense_ready = true;
-        self.w1[..self.watches.len()].fill(f64::NAN);
+        self.stepper.dense_ready = true;
+        self.functions.w1[..self.functions.watches.len()].fill(f64::NAN);
         // shorter than rounding: no step that counts for the next length
         let t1 = self.t + left;
         self.accept(t1)?;
-        let h = self.step.h.max(1e-6 * (self.t_stop - t1));
+        let h = self.stepper.step.h.max(1e-6 * (self.t_stop - t1));
         self.switch(l, rate, h).map(Some)
     }
 }

@@ -7,12 +7,13 @@ use super::chatter::Window;
 use super::contact::SceneRoom;
 use super::control::{Cut, FirstStep, Pace};
 use super::limit_set::Shrinking;
+use super::parts::{Calendar, ContactEvents, Derivatives, EventFunctions, Log, Stepper};
 use super::record::Sampled;
 use super::{Engine, Polls, EPS};
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
 use crate::event::bernstein::{Sampler, NODES};
-use crate::event::calendar::Calendar;
+use crate::event::calendar::UnitEvents;
 use crate::event::explicit::Pair;
 use crate::event::field::{Apart, Field};
 use crate::event::guard::Reset;
@@ -65,136 +66,148 @@ impl Engine {
             nx,
             rtol,
             atol,
-            step: Step::new(nx),
-            step_sets: field.subs.iter().map(|s| Vec::with_capacity(s.cells.len())).collect(),
-            step_implicit: false,
-            dense_ready: false,
-            radau: Radau::new(&field, most)?,
-            pair,
-            next_pair: pair,
-            usual_pair: pair,
-            cut: Cut::default(),
-            tried: 0.0,
-            last_weights: vec![f64::NAN; field.subs.len()],
-            implicit: false,
-            stiff: vec![Pace::Unknown; n_cells + 1],
-            stiff_mode: false,
-            stiff_slides: vec![false; field.subs.len()],
-            stiff_steps: 0,
-            stiffness: 0.0,
-            damped: false,
-            mild_steps: 0,
-            sampler: Sampler::new(),
-            samples: vec![[0.0; NODES]; n_w],
-            watches: Vec::with_capacity(n_w),
-            looked: Vec::with_capacity(n_w),
-            wanted: vec![false; field.active.len()],
-            scene: SceneRoom::default(),
-            depart: vec![0; n_w],
-            w0: vec![0.0; n_w],
-            w1: vec![0.0; n_w],
-            suspect: vec![false; n_w],
-            suspects: Vec::with_capacity(n_w),
-            zeros: Vec::new(),
-            calendar: Calendar::new(&field, &system.discrete_states()).map(Box::new),
-            resting: vec![false; n_w],
-            q0: vec![0.0; n_q],
-            q1: vec![0.0; n_q],
-            dq0: vec![0.0; n_dq],
-            dq1: vec![0.0; n_dq],
-            zero: vec![false; n_q],
             set: Vec::with_capacity(2),
             apart: Apart::default(),
             candidates: Vec::new(),
             kept: vec![false; field.subs.len()],
             keeps: false,
-            passes_bounds: false,
-            due: vec![f64::NAN; n_w],
-            guesses: 0,
-            foreseen: false,
-            expected: None,
-            late: vec![1.0; n_q],
             ruled_out: vec![0; n_cells],
             before: Vec::new(),
             arrived: false,
             known_end: false,
-            weights: vec![0.0; nx],
-            node: vec![0.0; nx],
             t: 0.0,
             x: vec![0.0; nx],
             f: vec![0.0; nx],
             f_before: vec![0.0; nx],
-            h: 0.0,
-            first_steps: vec![FirstStep::default(); n_cells],
-            entered: None,
-            err_before: 1e-4,
-            coarse: 0.0,
-            clear: 0.0,
-            clears: false,
-            alpha_start: Vec::with_capacity(most),
-            alpha_end: Vec::with_capacity(most),
-            fresh: true,
-            slid: 0,
             restart: true,
-            shrinking: Shrinking::default(),
-            limits: (f64::NEG_INFINITY, 0),
-            recent: Recent::new(n_q, n_cells, field.floor.clone()),
-            behind: false,
-            passages: 0,
-            passage_work: 0.0,
-            passage: (f64::NEG_INFINITY, f64::NEG_INFINITY),
             t_start: 0.0,
             t_stop: 0.0,
-            window: Window::default(),
-            crowd: 0,
-            burst: (f64::NEG_INFINITY, 0),
-            touched: None,
-            grazed: f64::INFINITY,
-            heard: 0,
-            outcome: Outcome::Reached,
-            reason: String::new(),
-            switches: Vec::new(),
-            jumps: Vec::new(),
-            impacts: Vec::new(),
-            phases: Vec::new(),
-            branchings: Vec::new(),
-            contacts: Vec::new(),
-            accumulations: Vec::new(),
             decider: None,
             arbiter: None,
-            stats: Statistics::default(),
-            path: options.dense.then(|| Path::new(nx)),
-            sampled: Sampled::default(),
-            sens,
-            tape: options.adjoint.then(Tape::default),
             discrete: system.discrete_states(),
-            reset: Reset::new(nx, n_z),
-            time_row: vec![0.0; n_z],
-            flat: None,
             unmade: false,
-            levels: vec![0.0; n_q],
-            powers: std::array::from_fn(|_| vec![0.0; nx]),
-            nonzero: Vec::new(),
-            variational: (f64::INFINITY, 0),
-            held_back: 0,
-            one_sided: false,
-            ambiguous: false,
             interrupt: None,
             polls: Polls { ask: None, next: Instant::now(), to_end: false },
             refused: false,
+            stepper: Stepper {
+                step: Step::new(nx),
+                step_sets: field.subs.iter().map(|s| Vec::with_capacity(s.cells.len())).collect(),
+                step_implicit: false,
+                dense_ready: false,
+                radau: Radau::new(&field, most)?,
+                pair,
+                next_pair: pair,
+                usual_pair: pair,
+                cut: Cut::default(),
+                tried: 0.0,
+                implicit: false,
+                stiff: vec![Pace::Unknown; n_cells + 1],
+                stiff_mode: false,
+                stiff_slides: vec![false; field.subs.len()],
+                stiff_steps: 0,
+                stiffness: 0.0,
+                damped: false,
+                mild_steps: 0,
+                foreseen: false,
+                weights: vec![0.0; nx],
+                node: vec![0.0; nx],
+                h: 0.0,
+                first_steps: vec![FirstStep::default(); n_cells],
+                entered: None,
+                err_before: 1e-4,
+                coarse: 0.0,
+                clear: 0.0,
+                clears: false,
+                alpha_start: Vec::with_capacity(most),
+                alpha_end: Vec::with_capacity(most),
+                fresh: true,
+                slid: 0,
+            },
+            functions: EventFunctions {
+                last_weights: vec![f64::NAN; field.subs.len()],
+                sampler: Sampler::new(),
+                samples: vec![[0.0; NODES]; n_w],
+                watches: Vec::with_capacity(n_w),
+                looked: Vec::with_capacity(n_w),
+                depart: vec![0; n_w],
+                w0: vec![0.0; n_w],
+                w1: vec![0.0; n_w],
+                suspect: vec![false; n_w],
+                suspects: Vec::with_capacity(n_w),
+                zeros: Vec::new(),
+                resting: vec![false; n_w],
+                q0: vec![0.0; n_q],
+                q1: vec![0.0; n_q],
+                dq0: vec![0.0; n_dq],
+                dq1: vec![0.0; n_dq],
+                zero: vec![false; n_q],
+                due: vec![f64::NAN; n_w],
+                guesses: 0,
+                expected: None,
+                late: vec![1.0; n_q],
+                touched: None,
+                grazed: f64::INFINITY,
+                flat: None,
+                levels: vec![0.0; n_q],
+            },
+            calendar: Calendar {
+                units: UnitEvents::new(&field, &system.discrete_states()).map(Box::new),
+                shrinking: Shrinking::default(),
+                limits: (f64::NEG_INFINITY, 0),
+                recent: Recent::new(n_q, n_cells, field.floor.clone()),
+                behind: false,
+                passages: 0,
+                passage_work: 0.0,
+                passage: (f64::NEG_INFINITY, f64::NEG_INFINITY),
+                window: Window::default(),
+                crowd: 0,
+            },
+            contact_events: ContactEvents {
+                wanted: vec![false; field.active.len()],
+                scene: SceneRoom::default(),
+                passes_bounds: false,
+                burst: (f64::NEG_INFINITY, 0),
+                phases: Vec::new(),
+            },
+            log: Log {
+                heard: 0,
+                outcome: Outcome::Reached,
+                reason: String::new(),
+                switches: Vec::new(),
+                jumps: Vec::new(),
+                impacts: Vec::new(),
+                branchings: Vec::new(),
+                contacts: Vec::new(),
+                accumulations: Vec::new(),
+                stats: Statistics::default(),
+                path: options.dense.then(|| Path::new(nx)),
+                sampled: Sampled::default(),
+                one_sided: false,
+                ambiguous: false,
+            },
+            derivatives: Derivatives {
+                sens,
+                tape: options.adjoint.then(Tape::default),
+                reset: Reset::new(nx, n_z),
+                time_row: vec![0.0; n_z],
+                powers: std::array::from_fn(|_| vec![0.0; nx]),
+                nonzero: Vec::new(),
+                variational: (f64::INFINITY, 0),
+                held_back: 0,
+            },
             field,
         })
     }
 
     /// Ends a step of all states at every event, so that all of them are known there.
     pub(crate) fn stop_for_all(&mut self) {
-        self.calendar = None;
+        self.calendar.units = None;
     }
 
     /// Goes on beyond the bounds that contacts of a scene were left out for: of a motion that is only a guess nothing but that it is close to one within
     /// them is wanted.
     pub(crate) fn pass_bounds(&mut self) {
-        self.passes_bounds = true;
+        self.contact_events.passes_bounds = true;
     }
 
     /// Sets time and state and clears log, statistics and dense output.
@@ -207,69 +220,70 @@ impl Engine {
             a.clear();
         }
         (self.restart, self.unmade) = (true, false);
-        self.h = 0.0;
-        self.first_steps.fill(FirstStep::default());
-        self.entered = None;
-        self.expected = None;
-        self.late.fill(1.0);
-        if let Some(c) = &mut self.calendar {
+        self.stepper.h = 0.0;
+        self.stepper.first_steps.fill(FirstStep::default());
+        self.stepper.entered = None;
+        self.functions.expected = None;
+        self.functions.late.fill(1.0);
+        if let Some(c) = &mut self.calendar.units {
             c.reset();
         }
-        self.stiff.fill(Pace::Unknown);
-        self.stiff_mode = false;
-        self.stiff_slides.fill(false);
-        (self.next_pair, self.cut) = (self.usual_pair, Cut::default());
-        self.last_weights.fill(f64::NAN);
+        self.stepper.stiff.fill(Pace::Unknown);
+        self.stepper.stiff_mode = false;
+        self.stepper.stiff_slides.fill(false);
+        (self.stepper.next_pair, self.stepper.cut) = (self.stepper.usual_pair, Cut::default());
+        self.functions.last_weights.fill(f64::NAN);
         self.keeps = false;
-        self.recent.forget();
-        self.recent.series = Default::default();
-        self.recent.falling = Default::default();
+        self.calendar.recent.forget();
+        self.calendar.recent.series = Default::default();
+        self.calendar.recent.falling = Default::default();
         self.set_sizes(1.0);
-        self.shrinking = Shrinking::default();
-        self.limits = (f64::NEG_INFINITY, 0);
-        self.recent.last = t;
+        self.calendar.shrinking = Shrinking::default();
+        self.calendar.limits = (f64::NEG_INFINITY, 0);
+        self.calendar.recent.last = t;
         self.field.guards.reset(x);
-        self.levels.fill(0.0);
-        self.crowd = 0;
-        self.burst = (f64::NEG_INFINITY, 0);
-        self.scene.forget();
-        self.variational = (f64::INFINITY, 0);
-        self.held_back = 0;
-        (self.stiffness, self.damped, self.stiff_steps, self.mild_steps) = (0.0, false, 0, 0);
-        (self.tried, self.coarse, self.clear) = (0.0, 0.0, 0.0);
-        self.behind = false;
-        self.passages = 0;
-        self.passage_work = 0.0;
-        self.passage = (f64::NEG_INFINITY, f64::NEG_INFINITY);
-        self.touched = None;
-        self.outcome = Outcome::Reached;
-        self.reason.clear();
-        self.switches.clear();
-        self.jumps.clear();
-        self.impacts.clear();
-        self.phases.clear();
-        self.branchings.clear();
-        self.contacts.clear();
-        self.accumulations.clear();
-        self.stats = Statistics::default();
-        self.window = Window { t, ..Window::default() };
+        self.functions.levels.fill(0.0);
+        self.calendar.crowd = 0;
+        self.contact_events.burst = (f64::NEG_INFINITY, 0);
+        self.contact_events.scene.forget();
+        self.derivatives.variational = (f64::INFINITY, 0);
+        self.derivatives.held_back = 0;
+        (self.stepper.stiffness, self.stepper.damped, self.stepper.stiff_steps, self.stepper.mild_steps) =
+            (0.0, false, 0, 0);
+        (self.stepper.tried, self.stepper.coarse, self.stepper.clear) = (0.0, 0.0, 0.0);
+        self.calendar.behind = false;
+        self.calendar.passages = 0;
+        self.calendar.passage_work = 0.0;
+        self.calendar.passage = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+        self.functions.touched = None;
+        self.log.outcome = Outcome::Reached;
+        self.log.reason.clear();
+        self.log.switches.clear();
+        self.log.jumps.clear();
+        self.log.impacts.clear();
+        self.contact_events.phases.clear();
+        self.log.branchings.clear();
+        self.log.contacts.clear();
+        self.log.accumulations.clear();
+        self.log.stats = Statistics::default();
+        self.calendar.window = Window { t, ..Window::default() };
         self.field.counts = Default::default();
-        self.radau.newton = 0;
-        self.radau.factorisations = 0;
-        self.dense_ready = false;
-        self.step.h = 0.0;
-        self.sampled = Sampled::default();
-        if let Some(p) = &mut self.path {
+        self.stepper.radau.newton = 0;
+        self.stepper.radau.factorisations = 0;
+        self.stepper.dense_ready = false;
+        self.stepper.step.h = 0.0;
+        self.log.sampled = Sampled::default();
+        if let Some(p) = &mut self.log.path {
             p.clear();
         }
-        if let Some(s) = &mut self.sens {
+        if let Some(s) = &mut self.derivatives.sens {
             s.reset();
         }
-        if let Some(tape) = &mut self.tape {
+        if let Some(tape) = &mut self.derivatives.tape {
             tape.reset(t, &self.field);
         }
-        self.one_sided = false;
-        self.ambiguous = false;
+        self.log.one_sided = false;
+        self.log.ambiguous = false;
         Ok(())
     }
 }

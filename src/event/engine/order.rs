@@ -172,7 +172,7 @@ impl Engine {
         }
         self.touching(event)?;
         let event = event.map(|e| e.0);
-        let all = self.scene.touching.clone();
+        let all = self.contact_events.scene.touching.clone();
         let (mut free, mut loose, mut pressed) = (Vec::new(), Vec::new(), Vec::new());
         let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             for i in all {
@@ -372,12 +372,12 @@ impl Engine {
         stay: &mut Vec<usize>,
         length: f64,
     ) -> std::result::Result<Option<Vec<f64>>, EvalError> {
-        let touching = std::mem::replace(&mut self.scene.touching, stay.clone());
+        let touching = std::mem::replace(&mut self.contact_events.scene.touching, stay.clone());
         let closed = self.closed(None);
-        self.scene.touching = touching;
+        self.contact_events.scene.touching = touching;
         closed?;
         let mut f = vec![0.0; self.nx];
-        let SceneRoom { closed, .. } = &self.scene;
+        let SceneRoom { closed, .. } = &self.contact_events.scene;
         let tolerances = (&self.rtol[..], &self.atol[..]);
         let r = self.field.with_contacts(self.t, &self.x, |c, at, _| {
             c.forget();
@@ -439,35 +439,39 @@ impl Engine {
         before: Option<Vec<f64>>,
         start: usize,
     ) -> std::result::Result<Met, EvalError> {
-        let kinds = |kind| self.impacts[start..].iter().any(|i| i.kind == kind);
-        if !kinds(ImpactKind::Painleve) && (self.scene.merges || kinds(ImpactKind::Last)) {
+        let kinds = |kind| self.log.impacts[start..].iter().any(|i| i.kind == kind);
+        if !kinds(ImpactKind::Painleve) && (self.contact_events.scene.merges || kinds(ImpactKind::Last)) {
             // the orders differ by no more than the tolerances see of these impacts
             self.differentiate_impacts(start, false);
-            self.one_sided = true;
+            self.log.one_sided = true;
             return Ok(Met::default());
         }
         let apart = !kinds(ImpactKind::Painleve);
         let several = self.part(meeting, if apart { orders } else { Vec::new() })?;
-        let behind = before.and_then(|b| self.sens.as_mut().map(|s| std::mem::replace(&mut s.s, b)));
+        let behind = before.and_then(|b| self.derivatives.sens.as_mut().map(|s| std::mem::replace(&mut s.s, b)));
         match several {
             Several::Ordered(strikes, both) => {
-                self.one_sided |= !both;
+                self.log.one_sided |= !both;
                 Ok(Met { both, times: self.strike_in_order(&strikes, start) })
             }
             Several::Parted(rows, sizes) => {
-                if let Some(tape) = &mut self.tape {
+                if let Some(tape) = &mut self.derivatives.tape {
                     tape.part(&rows, &sizes);
                 }
-                let columns = self.sens.as_ref().map_or_else(Vec::new, |s| s.columns_of(&rows, &sizes, SAME));
-                if let (Some(s), Some(behind)) = (&mut self.sens, behind) {
+                let columns =
+                    self.derivatives.sens.as_ref().map_or_else(Vec::new, |s| s.columns_of(&rows, &sizes, SAME));
+                if let (Some(s), Some(behind)) = (&mut self.derivatives.sens, behind) {
                     s.s = behind;
                 }
                 self.differentiate_impacts(start, false);
-                if let Some(s) = &mut self.sens {
+                if let Some(s) = &mut self.derivatives.sens {
                     s.lose(&columns);
-                    self.impacts[start..].iter_mut().filter(|i| !i.dt.is_empty()).for_each(|i| i.dt.clone_from(&s.dt));
+                    self.log.impacts[start..]
+                        .iter_mut()
+                        .filter(|i| !i.dt.is_empty())
+                        .for_each(|i| i.dt.clone_from(&s.dt));
                 }
-                self.one_sided = true;
+                self.log.one_sided = true;
                 Ok(Met { both: false, times: Vec::new() })
             }
         }
@@ -477,27 +481,27 @@ impl Engine {
     /// that order, with the derivatives of their times, which are returned.
     fn strike_in_order(&mut self, strikes: &[Strike], start: usize) -> Vec<(usize, Vec<f64>)> {
         let place = |i: usize| strikes.iter().position(|s| s.contact == i);
-        self.impacts[start..].sort_by_key(|i| place(i.contact).unwrap_or(usize::MAX));
+        self.log.impacts[start..].sort_by_key(|i| place(i.contact).unwrap_or(usize::MAX));
         // changes of modes are logged in that order, too
-        let changed = self.scene.before.iter().zip(&self.field.active).enumerate();
+        let changed = self.contact_events.scene.before.iter().zip(&self.field.active).enumerate();
         let changed: Vec<usize> = changed.filter(|(_, (a, b))| a != b).map(|(i, _)| place(i).unwrap_or(0)).collect();
-        let n_c = self.time_row.len() - 1;
+        let n_c = self.derivatives.time_row.len() - 1;
         let mut times = Vec::new();
         for (k, strike) in strikes.iter().enumerate() {
             let [before, after] = &strike.velocities;
-            if let Some(s) = &mut self.sens {
+            if let Some(s) = &mut self.derivatives.sens {
                 s.time(&strike.row);
                 s.advance(before, 1.0);
                 s.reset_by(&strike.jac);
                 s.advance(after, -1.0);
                 if place(strike.contact) == Some(k) {
-                    let own = self.impacts[start..].iter_mut().filter(|i| i.contact == strike.contact);
+                    let own = self.log.impacts[start..].iter_mut().filter(|i| i.contact == strike.contact);
                     own.for_each(|i| i.dt.clone_from(&s.dt));
                     times.push((strike.contact, s.dt.clone()));
                 }
             }
-            if let Some(tape) = &mut self.tape {
-                let first = self.switches.len() + changed.iter().filter(|p| **p < k).count();
+            if let Some(tape) = &mut self.derivatives.tape {
+                let first = self.log.switches.len() + changed.iter().filter(|p| **p < k).count();
                 tape.jump((first, start), &strike.row[..n_c], [before, after], &strike.jac);
             }
         }
@@ -507,7 +511,7 @@ impl Engine {
     /// Sorts the changes of modes from `from` on, which the strikes of a meeting have made, and says how their times depend on the start.
     pub(super) fn time_switches(&mut self, from: usize, times: &[(usize, Vec<f64>)]) {
         let place = |i: usize| times.iter().position(|t| t.0 == i);
-        let log = &mut self.switches[from..];
+        let log = &mut self.log.switches[from..];
         log.sort_by_key(|s| place(s.subsystem).unwrap_or(0));
         for s in log.iter_mut().filter(|s| !s.dt.is_empty()) {
             if let Some(k) = place(s.subsystem).or((!times.is_empty()).then_some(0)) {

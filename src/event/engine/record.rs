@@ -50,24 +50,24 @@ impl Engine {
         memory::reserve(&mut s.states, times.len() * self.nx)?;
         s.times.extend_from_slice(times);
         s.states.resize(times.len() * self.nx, f64::NAN);
-        self.sampled = s;
+        self.log.sampled = s;
         Ok(())
     }
 
     /// The states asked for, one after the other, which are not asked for any more; NaN at times behind the one reached.
     pub fn take_samples(&mut self) -> Vec<f64> {
         let (t, nx, x) = (self.t, self.nx, &self.x);
-        self.sampled.write(t, nx, |_, out| out.copy_from_slice(x));
-        std::mem::take(&mut self.sampled).states
+        self.log.sampled.write(t, nx, |_, out| out.copy_from_slice(x));
+        std::mem::take(&mut self.log.sampled).states
     }
 
     /// A piece of the dense output, which stands in the step, ends at time `t1`.
     pub(super) fn note_piece(&mut self, t1: f64) {
-        let s = &self.step;
-        if let Some(p) = &mut self.path {
+        let s = &self.stepper.step;
+        if let Some(p) = &mut self.log.path {
             p.push(s.t, t1, s.h, &s.poly);
         }
-        self.sampled.write(t1, self.nx, |t, out| s.at((t - s.t) / s.h, out));
+        self.log.sampled.write(t1, self.nx, |t, out| s.at((t - s.t) / s.h, out));
     }
 
     /// `k`-th derivative of the dense output at a time in the last step.
@@ -75,26 +75,32 @@ impl Engine {
         if out.len() != self.nx {
             return Err(Error::Dimension(format!("room for {} values, a state has {}", out.len(), self.nx)));
         }
-        if self.step.h == 0.0 {
+        if self.stepper.step.h == 0.0 {
             return Err(Error::State("there is no dense output before the first step".into()));
         }
         let slack = 8.0 * EPS * self.t.abs();
-        if !(t >= self.step.t - slack && t <= self.t + slack) {
-            let (a, b) = (self.step.t, self.t);
+        if !(t >= self.stepper.step.t - slack && t <= self.t + slack) {
+            let (a, b) = (self.stepper.step.t, self.t);
             return Err(Error::Range(format!("time {t} is outside of the last step, {a} to {b}")));
         }
         self.save_dense()?;
-        path::eval(&self.step.poly, (t - self.step.t) / self.step.h, self.step.h, k, out);
-        if let Some(c) = &self.calendar {
+        path::eval(
+            &self.stepper.step.poly,
+            (t - self.stepper.step.t) / self.stepper.step.h,
+            self.stepper.step.h,
+            k,
+            out,
+        );
+        if let Some(c) = &self.calendar.units {
             for &i in &c.tracks.touched {
-                out[i as usize] = c.tracks.derivative(&self.step, i as usize, k, t);
+                out[i as usize] = c.tracks.derivative(&self.stepper.step, i as usize, k, t);
             }
         }
         Ok(())
     }
 
     pub(super) fn save_dense(&mut self) -> Result<()> {
-        if self.step.h == 0.0 {
+        if self.stepper.step.h == 0.0 {
             return Ok(());
         }
         let r = self.write_dense();
@@ -104,39 +110,39 @@ impl Engine {
 
     /// Dense output of the last step, evaluated under the active set it had.
     pub(super) fn write_dense(&mut self) -> std::result::Result<(), EvalError> {
-        if self.dense_ready {
+        if self.stepper.dense_ready {
             return Ok(());
         }
-        if self.step_implicit {
-            self.radau.dense(&mut self.step, self.fresh);
+        if self.stepper.step_implicit {
+            self.stepper.radau.dense(&mut self.stepper.step, self.stepper.fresh);
         } else {
-            let foreign = !sets::same(&self.step_sets, &self.field.active);
+            let foreign = !sets::same(&self.stepper.step_sets, &self.field.active);
             let present = foreign.then(|| (self.field.active.clone(), self.field.limit.take()));
             if foreign {
-                self.field.set_active(&self.step_sets);
+                self.field.set_active(&self.stepper.step_sets);
             }
-            let r = explicit::dense(self.pair, &mut self.field, &mut self.step);
+            let r = explicit::dense(self.stepper.pair, &mut self.field, &mut self.stepper.step);
             if let Some((active, limit)) = present {
                 self.field.set_active(&active);
                 self.field.limit = limit;
             }
             r?;
         }
-        self.dense_ready = true;
+        self.stepper.dense_ready = true;
         Ok(())
     }
 
     /// Notes a surface that is only touched: the derivatives hold for one side.
     pub(super) fn touch(&mut self, contact: Contact) {
-        self.one_sided = true;
-        if self.contacts.len() < self.options.max_log {
-            self.contacts.push(contact);
+        self.log.one_sided = true;
+        if self.log.contacts.len() < self.options.max_log {
+            self.log.contacts.push(contact);
         }
     }
 
     /// Writes what changed to the log.
     pub(super) fn log(&mut self, before: &[Vec<usize>], rate: f64, cosine: Option<f64>, unique: bool) {
-        let start = self.switches.len();
+        let start = self.log.switches.len();
         let mut n = 0;
         for (k, set) in before.iter().enumerate() {
             if sets::same_set(set, &self.field.active[k]) {
@@ -147,7 +153,7 @@ impl Engine {
                 continue;
             }
             n += 1;
-            if self.switches.len() >= self.options.max_log {
+            if self.log.switches.len() >= self.options.max_log {
                 continue;
             }
             let kind = if a.iter().all(|m| b.contains(m)) {
@@ -161,7 +167,7 @@ impl Engine {
             } else {
                 Kind::Cross
             };
-            self.switches.push(Switch {
+            self.log.switches.push(Switch {
                 t: self.t,
                 kind,
                 simultaneous: false,
@@ -171,12 +177,12 @@ impl Engine {
                 rate,
                 transversality: cosine.unwrap_or(f64::NAN),
                 unique,
-                dt: self.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone()),
+                dt: self.derivatives.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone()),
             });
         }
-        self.stats.switches += n;
-        self.one_sided |= n > 1;
-        for s in &mut self.switches[start..] {
+        self.log.stats.switches += n;
+        self.log.one_sided |= n > 1;
+        for s in &mut self.log.switches[start..] {
             s.simultaneous = n > 1;
         }
     }

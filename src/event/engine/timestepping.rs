@@ -39,12 +39,12 @@ impl Engine {
         let (t0, end) = (self.t, self.t_stop);
         let least = (2.0 * (t_limit - t0)).max(1e3 * EPS * t0.abs()).max(f64::MIN_POSITIVE).max(self.length_on_time());
         // where the last passage was not long enough this one is longer, so there are few of them
-        let (from, until) = self.passage;
+        let (from, until) = self.calendar.passage;
         let follows = t0 - until <= GROWTH * (until - from);
         let longer = if follows { GROWTH * (until - from) } else { 0.0 };
-        self.passages = if follows { self.passages + 1 } else { 0 };
+        self.calendar.passages = if follows { self.calendar.passages + 1 } else { 0 };
         // a solution that chatters on and on is followed all the same: less accurately, which is noted
-        let allowed = 4f64.powi(self.passages);
+        let allowed = 4f64.powi(self.calendar.passages);
         let (least, mut span) = (least.min(end - t0), least.max(longer).min(end - t0));
         let x0 = self.x.clone();
         let before = self.field.active.clone();
@@ -69,25 +69,25 @@ impl Engine {
         self.field.set_active(&before);
         if error > FAILED {
             if let Some(p) = self.rescue(&before, Origin::Lost { steps: error })? {
-                self.h = self.no_time();
+                self.stepper.h = self.no_time();
                 return Ok(p);
             }
         }
         let t1 = if span >= end - t0 { end } else { t0 + span };
-        self.passage = (t_limit.max(t0), t1);
-        let t = self.recent.limit(t_limit);
+        self.calendar.passage = (t_limit.max(t0), t1);
+        let t = self.calendar.recent.limit(t_limit);
         self.accumulations_push(Accumulation { t, until: t1, steps, error });
         self.straight_line(t1, &x);
-        self.stats.steps += steps;
-        self.behind = true;
-        self.one_sided = true;
+        self.log.stats.steps += steps;
+        self.calendar.behind = true;
+        self.log.one_sided = true;
         self.mark_time(Time::Unknown);
         self.blur_sensitivity();
         self.t = t1;
         self.x.copy_from_slice(&x);
-        self.recent.forget();
-        self.recent.last = t1;
-        self.recent.falling = Default::default();
+        self.calendar.recent.forget();
+        self.calendar.recent.last = t1;
+        self.calendar.recent.falling = Default::default();
         self.restart = true;
         Ok(Progress::Switched)
     }
@@ -96,13 +96,13 @@ impl Engine {
     /// necessary again and again, or goes on and on, is gone through in time by fewer of them, with the error that they state.
     fn length_on_time(&self) -> f64 {
         let whole = self.t_stop - self.t_start;
-        (self.passage_work - AHEAD) / WORK * whole - (self.t - self.t_start)
+        (self.calendar.passage_work - AHEAD) / WORK * whole - (self.t - self.t_start)
     }
 
     /// Counts work that a passage would have saved; is there time for more of it?
     pub(super) fn is_on_time(&mut self, steps: usize) -> bool {
         let on_time = self.length_on_time() <= 0.0;
-        self.passage_work += steps as f64;
+        self.calendar.passage_work += steps as f64;
         on_time
     }
 
@@ -119,15 +119,15 @@ impl Engine {
         let (mut n, most) = if polygon { POLYGON } else { STEPS };
         let enough = 8 * n;
         let (mut coarse, mut before): (Option<Vec<f64>>, f64) = (None, 0.0);
-        self.passage_work += PASSAGE;
+        self.calendar.passage_work += PASSAGE;
         loop {
             stop::check()?;
-            self.passage_work += n as f64 / if polygon { SIDES } else { 1.0 };
+            self.calendar.passage_work += n as f64 / if polygon { SIDES } else { 1.0 };
             let r = if polygon { self.polygon(span, n, x0) } else { self.march(span, n, x0, sets) };
             let Some(x) = recover(r, None)? else { return Ok(None) };
             if let Some(c) = &coarse {
                 let change: Vec<f64> = x.iter().zip(c).map(|(a, b)| a - b).collect();
-                let error = step::norm(&change, &self.weights);
+                let error = step::norm(&change, &self.stepper.weights);
                 // errors of order one: more steps than are allowed would be necessary
                 let hopeless = may_be_shorter && n >= enough && error * n as f64 > 2.0 * allowed * most as f64;
                 if error <= allowed || n >= most || hopeless {
@@ -189,8 +189,8 @@ impl Engine {
             if !same {
                 self.field.set_active(&sets);
             }
-            self.field.rhs(t, &x, &mut self.node)?;
-            x.iter_mut().zip(&self.node).for_each(|(x, v)| *x += h * v);
+            self.field.rhs(t, &x, &mut self.stepper.node)?;
+            x.iter_mut().zip(&self.stepper.node).for_each(|(x, v)| *x += h * v);
         }
         Ok(x.iter().all(|v| v.is_finite()).then_some(x))
     }
@@ -212,8 +212,8 @@ impl Engine {
         if self.options.zeno == Zeno::Stop || elsewhere || before.iter().any(Vec::is_empty) {
             return Ok(None);
         }
-        let failure = (self.outcome, std::mem::take(&mut self.reason));
-        self.outcome = Outcome::Reached;
+        let failure = (self.log.outcome, std::mem::take(&mut self.log.reason));
+        self.log.outcome = Outcome::Reached;
         self.field.set_active(before);
         // gradients may have no value there, and where a switch was made the state is at its surface
         let near = recover(self.mark_near_surfaces(1.0).map(|()| true), false)?;
@@ -221,12 +221,12 @@ impl Engine {
         if meet {
             let limit = self.t;
             let p = self.step_through(limit)?;
-            if self.outcome == Outcome::Reached {
-                self.stats.accumulations += 1;
+            if self.log.outcome == Outcome::Reached {
+                self.log.stats.accumulations += 1;
                 return Ok(Some(p));
             }
         }
-        (self.outcome, self.reason) = failure;
+        (self.log.outcome, self.log.reason) = failure;
         self.field.set_active(before);
         Ok(None)
     }
@@ -236,7 +236,7 @@ impl Engine {
         const MARGIN: f64 = 10.0;
         // the velocity may turn: every state may move by the share of its size that the fastest moves by
         let pace = self.field.pace(x, v);
-        self.zero.fill(false);
+        self.functions.zero.fill(false);
         self.keep_surfaces();
         for s in &self.field.subs {
             let least = self.field.q[s.q0..s.q0 + s.n_q].iter().fold(f64::INFINITY, |m, q| m.min(*q));
@@ -244,26 +244,26 @@ impl Engine {
                 let g = self.field.gradient_row(j);
                 let reach = self.field.sum_of_sizes(g.states(), x);
                 let value = self.field.q[j] - if s.signs { 0.0 } else { least };
-                self.zero[j] |= value.abs() <= MARGIN * h * (reach * pace + g.t.abs());
+                self.functions.zero[j] |= value.abs() <= MARGIN * h * (reach * pace + g.t.abs());
             }
         }
     }
 
     fn set_march_weights(&mut self) {
-        for (i, w) in self.weights.iter_mut().enumerate() {
+        for (i, w) in self.stepper.weights.iter_mut().enumerate() {
             *w = 1.0 / (self.atol[i] + self.rtol[i] * self.x[i].abs()).max(f64::MIN_POSITIVE);
         }
     }
 
     /// The dense output of the passage.
     fn straight_line(&mut self, t1: f64, x1: &[f64]) {
-        let s = &mut self.step;
+        let s = &mut self.stepper.step;
         (s.t, s.h) = (self.t, t1 - self.t);
         for (i, p) in s.poly.iter_mut().enumerate() {
             *p = [0.0; 8];
             (p[0], p[1]) = (self.x[i], x1[i] - self.x[i]);
         }
-        self.dense_ready = true;
+        self.stepper.dense_ready = true;
         self.note_piece(t1);
     }
 }

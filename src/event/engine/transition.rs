@@ -25,60 +25,60 @@ impl Engine {
         if found.is_none() {
             self.fail(Outcome::NoContinuation, "the system is not defined at this point".into());
         }
-        if self.outcome == Outcome::NoContinuation {
+        if self.log.outcome == Outcome::NoContinuation {
             let sets = self.field.active.clone();
             self.go_through(&sets, false)?;
             return Ok(());
         }
-        let Some(unique) = found.filter(|_| self.outcome == Outcome::Reached) else { return Ok(()) };
+        let Some(unique) = found.filter(|_| self.log.outcome == Outcome::Reached) else { return Ok(()) };
         if !first {
             self.log(&before, f64::NAN, None, unique);
         }
         self.check_discrete()?;
-        self.time_row.fill(0.0);
+        self.derivatives.time_row.fill(0.0);
         // transitions that the last call has left happen at a time of their own, while data change at this one
-        self.one_sided |= std::mem::take(&mut self.unmade);
+        self.log.one_sided |= std::mem::take(&mut self.unmade);
         if !recover(self.make_held().map(|()| true), false)? {
             self.fail(Outcome::NoContinuation, "the system is not defined behind a transition".into());
         }
-        if self.outcome != Outcome::Reached {
+        if self.log.outcome != Outcome::Reached {
             return Ok(());
         }
         self.restart = false;
-        self.err_before = 1e-4;
-        self.h = self.initial_step(t_stop - self.t)?;
+        self.stepper.err_before = 1e-4;
+        self.stepper.h = self.initial_step(t_stop - self.t)?;
         Ok(())
     }
 
     pub(super) fn begin_inner(&mut self, first: bool) -> std::result::Result<bool, EvalError> {
-        let time = if std::mem::take(&mut self.behind) { Time::Unknown } else { Time::Fixed };
+        let time = if std::mem::take(&mut self.calendar.behind) { Time::Unknown } else { Time::Fixed };
         self.mark_time(time);
         let unique = self.locate(first, self.t_stop - self.t)?;
-        if self.outcome == Outcome::NoContinuation && self.options.zeno != Zeno::Stop {
+        if self.log.outcome == Outcome::NoContinuation && self.options.zeno != Zeno::Stop {
             // the run may begin in a limit set
-            let failure = (self.outcome, std::mem::take(&mut self.reason));
-            self.outcome = Outcome::Reached;
+            let failure = (self.log.outcome, std::mem::take(&mut self.log.reason));
+            self.log.outcome = Outcome::Reached;
             match self.enter_limit_set(1.0, self.t, Origin::Inside) {
                 Ok(Some(_)) => return Ok(unique),
-                _ => (self.outcome, self.reason) = failure,
+                _ => (self.log.outcome, self.log.reason) = failure,
             }
         }
-        if self.outcome == Outcome::Reached {
+        if self.log.outcome == Outcome::Reached {
             self.enter()?;
             self.project_sensitivity()?;
-            self.recent.start.0 = self.t;
-            self.recent.start.1.copy_from_slice(&self.q0);
+            self.calendar.recent.start.0 = self.t;
+            self.calendar.recent.start.1.copy_from_slice(&self.functions.q0);
         }
-        self.one_sided |= !unique;
-        self.ambiguous |= !unique;
+        self.log.one_sided |= !unique;
+        self.log.ambiguous |= !unique;
         Ok(unique)
     }
 
     /// A time over which the solution hardly changes. A step that only fills what was left of the way says nothing about
     /// that: the one that the tolerances allow does; before the first one, all that is known is how far it goes.
     pub(super) fn usual_step(&self) -> f64 {
-        let wanted = if self.h > 0.0 { self.h.min(self.options.h_max) } else { self.t_stop - self.t };
-        self.step.h.abs().max(wanted).max(1e3 * EPS * self.t.abs())
+        let wanted = if self.stepper.h > 0.0 { self.stepper.h.min(self.options.h_max) } else { self.t_stop - self.t };
+        self.stepper.step.h.abs().max(wanted).max(1e3 * EPS * self.t.abs())
     }
 
     /// Finds the active set of the present point: that of its region (`first`), or, at a surface, what continues the present
@@ -91,12 +91,12 @@ impl Engine {
         self.field.begin_modes(t, &self.x, &kept)?;
         self.field.watched(t, &self.x)?;
         self.field.watched_gradients(t, &self.x)?;
-        self.zero.fill(false);
+        self.functions.zero.fill(false);
         if !first {
             self.keep_surfaces();
-            for l in 0..self.watches.len() {
-                if let (Watch::Enter { a, .. }, true) = (self.watches[l], self.depart[l] > 0) {
-                    self.zero[a] = true;
+            for l in 0..self.functions.watches.len() {
+                if let (Watch::Enter { a, .. }, true) = (self.functions.watches[l], self.functions.depart[l] > 0) {
+                    self.functions.zero[a] = true;
                 }
             }
         }
@@ -110,8 +110,8 @@ impl Engine {
                 let tol = 1e-13 * w.scale(&self.field.dq, &self.field, t, &self.x).value;
                 let v = self.field.q[a] - if s.signs { 0.0 } else { least };
                 // other controls or parameters may have put a surface elsewhere
-                self.zero[a] &= (self.field.q[a] - self.q0[a]).abs() <= tol;
-                self.zero[a] |= v.abs() <= tol.max(self.levels[a]);
+                self.functions.zero[a] &= (self.field.q[a] - self.functions.q0[a]).abs() <= tol;
+                self.functions.zero[a] |= v.abs() <= tol.max(self.functions.levels[a]);
                 if v == 0.0 {
                     active = active.min(j);
                 }
@@ -137,7 +137,7 @@ impl Engine {
     /// Modes on demand that must not be forgotten: the present ones and those of the last step.
     pub(super) fn kept_modes(&self) -> Vec<usize> {
         match self.field.is_on_demand() {
-            true => self.field.active.iter().chain(&self.step_sets).flatten().copied().collect(),
+            true => self.field.active.iter().chain(&self.stepper.step_sets).flatten().copied().collect(),
             false => Vec::new(),
         }
     }
@@ -147,7 +147,7 @@ impl Engine {
         if !self.field.is_on_demand() {
             return Ok(true);
         }
-        match self.field.form_modes((self.t, &self.x, &self.f), &mut self.zero, kept)? {
+        match self.field.form_modes((self.t, &self.x, &self.f), &mut self.functions.zero, kept)? {
             Formed::Yes => Ok(true),
             Formed::No(why) => {
                 self.fail(Outcome::NoContinuation, why);
@@ -175,7 +175,7 @@ impl Engine {
                 let w = |c: usize| s.cells[c - s.first].weights[j];
                 let tied =
                     if s.signs { set.iter().any(|c| w(*c) * w(set[0]) < 0.0) } else { set.contains(&(s.first + j)) };
-                self.zero[s.q0 + j] |= tied;
+                self.functions.zero[s.q0 + j] |= tied;
             }
         }
     }
@@ -187,7 +187,7 @@ impl Engine {
         all.resize(self.field.active.len(), Vec::new());
         for ((s, set), c) in self.field.subs.iter().zip(&self.field.active).zip(&mut all) {
             c.clear();
-            let marked = self.zero[s.q0..s.q0 + s.n_q].contains(&true);
+            let marked = self.functions.zero[s.q0..s.q0 + s.n_q].contains(&true);
             if let (&[cell], true, false) = (&set[..], s.signs && !self.field.is_on_demand(), marked) {
                 // away from its surfaces it goes on as it is
                 let w = &s.cells[cell - s.first].weights;
@@ -206,7 +206,7 @@ impl Engine {
             } else if s.signs {
                 let fits = |cell: &usize| {
                     let w = &s.cells[*cell].weights;
-                    let agrees = |j: &usize| self.zero[s.q0 + j] || w[*j] * self.field.q[s.q0 + j] <= 0.0;
+                    let agrees = |j: &usize| self.functions.zero[s.q0 + j] || w[*j] * self.field.q[s.q0 + j] <= 0.0;
                     // what excluded a cell the last time mostly does so again
                     let last = &mut ruled_out[s.first + cell];
                     if *last < s.n_q && !agrees(last) {
@@ -220,7 +220,7 @@ impl Engine {
                 };
                 c.extend((0..s.cells.len()).filter(fits).map(|c| s.first + c));
             } else {
-                c.extend((0..s.cells.len()).filter(|j| self.zero[s.q0 + j]).map(|j| s.first + j));
+                c.extend((0..s.cells.len()).filter(|j| self.functions.zero[s.q0 + j]).map(|j| s.first + j));
             }
             for &a in set {
                 if !c.contains(&a) && (c.is_empty() || !s.signs) {
@@ -239,14 +239,14 @@ impl Engine {
 
     /// Notes what a switch does not touch: subsystems that go on as before, none of whose functions vanishes.
     fn note_kept(&mut self, before: &[Vec<usize>]) {
-        let n_q = self.q0.len();
+        let n_q = self.functions.q0.len();
         self.keeps = true;
         for (k, s) in self.field.subs.iter().enumerate() {
             let goes_on = sets::same_set(&before[k], &self.field.active[k]);
-            self.kept[k] = goes_on && before[k].len() == 1 && !self.zero[s.q0..s.q0 + s.n_q].contains(&true);
+            self.kept[k] = goes_on && before[k].len() == 1 && !self.functions.zero[s.q0..s.q0 + s.n_q].contains(&true);
             if !goes_on {
-                self.due[s.q0..s.q0 + s.n_q].fill(f64::NAN);
-                self.due[n_q + s.first..n_q + s.first + s.cells.len()].fill(f64::NAN);
+                self.functions.due[s.q0..s.q0 + s.n_q].fill(f64::NAN);
+                self.functions.due[n_q + s.first..n_q + s.first + s.cells.len()].fill(f64::NAN);
             }
         }
     }
@@ -267,7 +267,7 @@ impl Engine {
             }
             r => r?,
         }
-        self.node.copy_from_slice(&self.x);
+        self.stepper.node.copy_from_slice(&self.x);
         let slides = self.field.n_alg() > 0 && !self.field.has_contacts() && !self.field.in_limit_set();
         if self.field.project(t, &mut self.x)? {
             if self.has_moved() {
@@ -280,31 +280,31 @@ impl Engine {
             self.field.watched(t, &self.x)?;
         }
         self.field.watched_gradients(t, &self.x)?;
-        self.q0.copy_from_slice(&self.field.q);
-        self.dq0.copy_from_slice(&self.field.dq);
-        self.fresh = true;
-        self.slid = 0;
-        self.alpha_start.clear();
-        self.alpha_start.extend_from_slice(&self.field.alpha[..self.field.n_alg()]);
+        self.functions.q0.copy_from_slice(&self.field.q);
+        self.functions.dq0.copy_from_slice(&self.field.dq);
+        self.stepper.fresh = true;
+        self.stepper.slid = 0;
+        self.stepper.alpha_start.clear();
+        self.stepper.alpha_start.extend_from_slice(&self.field.alpha[..self.field.n_alg()]);
         self.field.find_carried(&self.x);
-        watch::list(&self.field, &mut self.watches);
-        self.looked.clear();
-        self.looked.extend(0..self.watches.len());
+        watch::list(&self.field, &mut self.functions.watches);
+        self.functions.looked.clear();
+        self.functions.looked.extend(0..self.functions.watches.len());
         if self.field.has_contacts() {
             self.field.contact_sizes(t, &self.x)?;
         }
         if !self.keeps {
-            self.due.fill(f64::NAN);
+            self.functions.due.fill(f64::NAN);
         }
         // what few of many functions ask for
         let mut pace = None;
-        for l in 0..self.watches.len() {
-            let w = self.watches[l];
-            let value = w.value(&self.q0, &self.field);
-            self.w0[l] = value;
-            self.depart[l] = 0;
+        for l in 0..self.functions.watches.len() {
+            let w = self.functions.watches[l];
+            let value = w.value(&self.functions.q0, &self.field);
+            self.functions.w0[l] = value;
+            self.functions.depart[l] = 0;
             if w.is_leave() {
-                self.depart[l] = u8::from(value <= 1e-9);
+                self.functions.depart[l] = u8::from(value <= 1e-9);
                 continue;
             }
             let kept = self.keeps && matches!(w, Watch::Enter { sub, .. } if self.kept[sub]);
@@ -312,29 +312,31 @@ impl Engine {
                 continue;
             }
             if let Watch::Contact { .. } = w {
-                self.depart[l] = self.contact_departs(w, value);
+                self.functions.depart[l] = self.contact_departs(w, value);
                 continue;
             }
             if self.is_level(&w, value) {
-                self.depart[l] = 2;
+                self.functions.depart[l] = 2;
                 continue;
             }
-            let (scale, rate) = w.scale_and_rate(&self.dq0, &self.field, (t, &self.x), &self.f);
+            let (scale, rate) = w.scale_and_rate(&self.functions.dq0, &self.field, (t, &self.x), &self.f);
             if value <= 64.0 * EPS * scale.value || value <= 8.0 * EPS * rate.abs() * t.abs() {
                 // fast enough for a zero of order one: compared with the states moving by their sizes
                 let rises = match w {
-                    Watch::Guard { .. } => w.rises(&self.dq0, &self.field, &self.f) && rate > self.rate_noise(&w)?,
+                    Watch::Guard { .. } => {
+                        w.rises(&self.functions.dq0, &self.field, &self.f) && rate > self.rate_noise(&w)?
+                    }
                     _ => {
                         let pace = *pace.get_or_insert_with(|| self.field.pace(&self.x, &self.f));
                         rate > 1e-9 * scale.reach * pace || self.rises_slowly(&w, rate, &scale, pace)?
                     }
                 };
-                self.depart[l] = if rises { 1 } else { 2 };
+                self.functions.depart[l] = if rises { 1 } else { 2 };
             }
         }
-        self.stiff_mode = self.begins_stiff();
-        self.implicit = self.begins_implicit();
-        self.stiff_steps = 0;
+        self.stepper.stiff_mode = self.begins_stiff();
+        self.stepper.implicit = self.begins_implicit();
+        self.stepper.stiff_steps = 0;
         Ok(())
     }
 
@@ -345,15 +347,15 @@ impl Engine {
             return Ok(false);
         }
         let ahead = time_ahead(&self.field, &self.x, &self.f, self.usual_step());
-        let mut there = std::mem::take(&mut self.node);
-        let mut velocity = std::mem::take(&mut self.step.f);
+        let mut there = std::mem::take(&mut self.stepper.node);
+        let mut velocity = std::mem::take(&mut self.stepper.step.f);
         let alpha = self.field.alpha.clone();
         there.iter_mut().zip(self.x.iter().zip(&self.f)).for_each(|(y, (x, f))| *y = x + ahead * f);
         let r = self.field.rhs(self.t + ahead, &there, &mut velocity);
         let r = r.and_then(|()| self.field.watched_gradients(self.t + ahead, &there));
         let growth = (w.rate(&self.field.dq, &self.field, &velocity) - rate) / ahead;
-        self.step.f = velocity;
-        self.node = there;
+        self.stepper.step.f = velocity;
+        self.stepper.node = there;
         self.field.alpha = alpha;
         match r {
             Err(EvalError::Recoverable) => return Ok(false),
@@ -366,7 +368,7 @@ impl Engine {
     /// Is the state so far from that at the nodes that the velocity has to be evaluated again? Where that is much work, not for
     /// so little of the tolerances.
     fn has_moved(&self) -> bool {
-        let moved = |i: usize| (self.x[i] - self.node[i]).abs() > UNSEEN * self.tolerance_of(i);
+        let moved = |i: usize| (self.x[i] - self.stepper.node[i]).abs() > UNSEEN * self.tolerance_of(i);
         !self.field.many_functions() || (0..self.nx).any(moved)
     }
 
@@ -374,7 +376,7 @@ impl Engine {
     pub(super) fn switch(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
         self.note_late(l);
         self.note_levels(l);
-        match self.watches[l] {
+        match self.functions.watches[l] {
             Watch::Guard { .. } => return self.jump(l, slope, grown),
             Watch::Contact { .. } => return self.contact_event(l, slope, grown),
             _ => {}
@@ -384,7 +386,7 @@ impl Engine {
         let within = self.field.in_limit_set();
         if within && self.stay_in_limit_set(l, &before)? {
             self.before = before;
-            self.h = grown;
+            self.stepper.h = grown;
             return Ok(self.accumulate()?.unwrap_or(Progress::Switched));
         }
         let r = self.switch_inner(l, slope, &before);
@@ -394,14 +396,14 @@ impl Engine {
             let r = self.switch_inner(l, slope, &before);
             known = recover(r.map(|()| true), false)?;
         }
-        if !known || self.outcome == Outcome::NoContinuation {
+        if !known || self.log.outcome == Outcome::NoContinuation {
             if let Some(p) = self.rescue(&before, if within { Origin::Inside } else { Origin::Outside })? {
-                self.h = grown;
+                self.stepper.h = grown;
                 return Ok(p);
             }
         }
-        if !known || self.outcome == Outcome::NoContinuation {
-            if !known && self.outcome == Outcome::Reached {
+        if !known || self.log.outcome == Outcome::NoContinuation {
+            if !known && self.log.outcome == Outcome::Reached {
                 self.fail(Outcome::NoContinuation, "the modes around the switch are not defined there".into());
             }
             let p = self.go_through(&before, true)?.unwrap_or(Progress::Done);
@@ -409,14 +411,14 @@ impl Engine {
             return Ok(p);
         }
         self.before = before;
-        self.h = grown;
-        self.err_before = 1e-4;
-        if self.outcome != Outcome::Reached {
+        self.stepper.h = grown;
+        self.stepper.err_before = 1e-4;
+        if self.log.outcome != Outcome::Reached {
             return Ok(Progress::Done);
         }
-        if self.step_implicit && !self.implicit {
+        if self.stepper.step_implicit && !self.stepper.implicit {
             // a sliding mode says nothing about how fast the mode behind it is
-            self.h = self.initial_step(grown)?;
+            self.stepper.h = self.initial_step(grown)?;
         }
         self.begin_as_before();
         if let Some(p) = self.accumulate()? {
@@ -438,7 +440,7 @@ impl Engine {
             for j in (0..self.field.subs.len()).flat_map(|k| self.field.surfaces(k)) {
                 let (q, g) = (self.field.q[j], self.field.gradient_row(j));
                 let reach = self.reach_of(j);
-                if !self.zero[j] || q == 0.0 || q.abs() > NEAR * reach {
+                if !self.functions.zero[j] || q == 0.0 || q.abs() > NEAR * reach {
                     continue;
                 }
                 let size = |i: usize| Some(self.field.size(i, self.x[i])).filter(|s| *s > 0.0).unwrap_or(1.0);
@@ -464,17 +466,17 @@ impl Engine {
         const AGAIN: usize = 4;
         /// Fields that differ by this part on the surface are one.
         const KINK: f64 = 1e-9;
-        let Watch::Enter { sub, a: j, .. } = self.watches[l] else { return Ok(false) };
+        let Watch::Enter { sub, a: j, .. } = self.functions.watches[l] else { return Ok(false) };
         let (&[here], &[a, b]) = (&self.field.active[sub][..], &self.candidates[sub][..]) else { return Ok(false) };
         if self.field.in_limit_set() {
             return Ok(false);
         }
         self.field.watched(self.t, &self.x)?;
         self.field.watched_gradients(self.t, &self.x)?;
-        let w = self.watches[l];
+        let w = self.functions.watches[l];
         let value = w.value(&self.field.q, &self.field);
         let beyond = value < -1e3 * EPS * w.scale(&self.field.dq, &self.field, self.t, &self.x).value;
-        if !beyond && self.crowd < AGAIN {
+        if !beyond && self.calendar.crowd < AGAIN {
             return Ok(false);
         }
         let mut at = self.x.clone();
@@ -487,12 +489,12 @@ impl Engine {
         let present = self.field.active.clone();
         let mut other = present.clone();
         other[sub] = vec![if here == a { b } else { a }];
-        let mut known = self.field.rhs(self.t, &at, &mut self.node);
+        let mut known = self.field.rhs(self.t, &at, &mut self.stepper.node);
         if known.is_ok() {
             self.field.set_active(&other);
-            known = self.field.rhs(self.t, &at, &mut self.step.f);
+            known = self.field.rhs(self.t, &at, &mut self.stepper.step.f);
         }
-        let one = known.is_ok() && !differ(&self.field, &self.x, [&self.node, &self.step.f], KINK);
+        let one = known.is_ok() && !differ(&self.field, &self.x, [&self.stepper.node, &self.stepper.step.f], KINK);
         if !one {
             self.field.set_active(&present);
         }
@@ -510,8 +512,8 @@ impl Engine {
             return self.field.watched_gradients(t, &self.x);
         }
         // a mode that ends here may have no value any more: its velocity just before serves as well
-        match self.field.rhs(t, &self.x, &mut self.node) {
-            Ok(()) => self.f.copy_from_slice(&self.node),
+        match self.field.rhs(t, &self.x, &mut self.stepper.node) {
+            Ok(()) => self.f.copy_from_slice(&self.stepper.node),
             Err(EvalError::Recoverable) => self.arrived = false,
             Err(e) => return Err(e),
         }
@@ -529,13 +531,13 @@ impl Engine {
         // the search in the step has shown which functions stay away from zero
         let searched = self.known_end;
         self.arrive()?;
-        self.zero.fill(false);
+        self.functions.zero.fill(false);
         let (mut rate, mut cosine, mut grazing) = (slope, f64::NAN, false);
-        for m in 0..self.watches.len() {
-            if searched && m != l && !self.suspect[m] {
+        for m in 0..self.functions.watches.len() {
+            if searched && m != l && !self.functions.suspect[m] {
                 continue;
             }
-            let w = self.watches[m];
+            let w = self.functions.watches[m];
             match w {
                 Watch::Enter { a, b, .. } => {
                     let v = w.value(&self.field.q, &self.field);
@@ -544,16 +546,16 @@ impl Engine {
                         let size = self.f.iter().map(|v| v * v).sum::<f64>().sqrt();
                         rate = r;
                         cosine = r / (w.steepness(&self.field.dq, &self.field) * size);
-                        grazing = match &self.flat {
+                        grazing = match &self.functions.flat {
                             Some(flat) => flat.coarse,
                             None => r.abs() < 1e-6 * scale.reach * self.field.pace(&self.x, &self.f),
                         };
                     }
-                    let near = 64.0 * EPS * scale.value + 8.0 * EPS * r.abs() * t.abs().max(self.step.h);
+                    let near = 64.0 * EPS * scale.value + 8.0 * EPS * r.abs() * t.abs().max(self.stepper.step.h);
                     if m == l || v.abs() <= near.max(self.level(&w)) {
-                        self.zero[a] = true;
+                        self.functions.zero[a] = true;
                         if let Some(b) = b {
-                            self.zero[b] = true;
+                            self.functions.zero[b] = true;
                         }
                     }
                 }
@@ -571,23 +573,23 @@ impl Engine {
         let length = self.usual_step();
         let unique = self.choose_behind(&candidates, length, (l, slope))?;
         self.candidates = candidates;
-        if self.outcome != Outcome::Reached {
+        if self.log.outcome != Outcome::Reached {
             return Ok(());
         }
         let same = sets::same(&self.field.active, before) && !self.goes_over_kink(l)?;
         if same {
             // nothing changes: a grazing contact, or a first step too long for its signs
-            self.crowd += 1;
-            if let (Watch::Enter { sub, .. }, true) = (self.watches[l], self.crowd == 1) {
+            self.calendar.crowd += 1;
+            if let (Watch::Enter { sub, .. }, true) = (self.functions.watches[l], self.calendar.crowd == 1) {
                 self.touch(Contact { t, subsystem: sub, rate, transversality: cosine });
             }
         } else {
-            let crossed = match self.watches[l] {
+            let crossed = match self.functions.watches[l] {
                 // the rate of a zero of higher order says nothing about the next one
-                Watch::Enter { a, b: None, .. } if self.flat.is_none() => Some((a, rate)),
+                Watch::Enter { a, b: None, .. } if self.functions.flat.is_none() => Some((a, rate)),
                 _ => None,
             };
-            let source = self.source(&self.watches[l]);
+            let source = self.source(&self.functions.watches[l]);
             self.remember(source, crossed);
         }
         if searched && !same {
@@ -596,22 +598,22 @@ impl Engine {
         let entered = self.enter();
         self.keeps = false;
         entered?;
-        self.one_sided |= grazing;
+        self.log.one_sided |= grazing;
         if !same {
             let f = std::mem::take(&mut self.f_before);
             self.differentiate_jump(&f);
             self.f_before = f;
-            self.one_sided |= !unique;
-            self.ambiguous |= !unique;
+            self.log.one_sided |= !unique;
+            self.log.ambiguous |= !unique;
         }
         self.project_sensitivity()?;
-        if self.crowd > 0 && same {
+        if self.calendar.crowd > 0 && same {
             // a weight that has not vanished has no zero to be divided out
-            if !self.watches[l].is_leave() || self.w0[l] <= EPS.sqrt() {
-                self.depart[l] = self.depart[l].max(2);
+            if !self.functions.watches[l].is_leave() || self.functions.w0[l] <= EPS.sqrt() {
+                self.functions.depart[l] = self.functions.depart[l].max(2);
             }
         }
-        if self.crowd > 20 {
+        if self.calendar.crowd > 20 {
             self.fail(Outcome::NoContinuation, "the signs of the active set contradict each other".into());
         }
         self.log(before, rate, Some(cosine), unique);

@@ -15,7 +15,7 @@ use super::control::ACCURATE;
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
 use crate::event::bernstein::{self, First};
-use crate::event::calendar::{Calendar, Entry, Units};
+use crate::event::calendar::{Entry, UnitEvents, Units};
 use crate::event::explicit::{self, Flow, Pair};
 use crate::event::field::Owner;
 use crate::event::step::{derivative, Poly};
@@ -37,9 +37,9 @@ const HARDLY: f64 = 0.1;
 impl Engine {
     /// May events in this step be left to the units?
     fn goes_by_units(&self) -> bool {
-        !self.step_implicit
-            && self.sens.is_none()
-            && self.tape.is_none()
+        !self.stepper.step_implicit
+            && self.derivatives.sens.is_none()
+            && self.derivatives.tape.is_none()
             && !self.field.in_limit_set()
             && self.field.constant_gradients()
     }
@@ -50,19 +50,21 @@ impl Engine {
         if !self.goes_by_units() {
             return Ok(None);
         }
-        let Some(mut c) = self.calendar.take() else { return Ok(None) };
+        let Some(mut c) = self.calendar.units.take() else { return Ok(None) };
         let (t, left) = self.follow_events(&mut c, t1);
         let known = if !c.events.is_empty() { self.end_units(&mut c, t, t1).map(Some) } else { Ok(None) };
         if c.events.is_empty() {
             c.tracks.clear();
         }
-        self.calendar = Some(c);
+        self.calendar.units = Some(c);
         let Some(known) = known? else { return Ok(None) };
-        self.h = grown;
+        self.stepper.h = grown;
         if !known {
             return Ok(Some(self.fail(Outcome::NoContinuation, "the system is not defined behind an event".into())));
         }
-        let at = left.and_then(|e| (0..self.watches.len()).find(|l| self.source(&self.watches[*l]) == e.source));
+        let at = left.and_then(|e| {
+            (0..self.functions.watches.len()).find(|l| self.source(&self.functions.watches[*l]) == e.source)
+        });
         match at.zip(left) {
             Some((l, e)) => self.switch(l, e.rate, grown).map(Some),
             None => Ok(Some(Progress::Switched)),
@@ -70,10 +72,15 @@ impl Engine {
     }
 
     /// The events in their order. Says up to where they are followed, and which one is left that happens there.
-    fn follow_events(&mut self, c: &mut Calendar, t1: f64) -> (f64, Option<Entry>) {
-        let (t, h) = (self.step.t, self.step.h);
-        c.begin(self.zeros.iter().map(|&(l, s, slope)| (t + s * h, self.source(&self.watches[l]), slope)));
-        self.field.move_parts_to(t, &self.step.x0);
+    fn follow_events(&mut self, c: &mut UnitEvents, t1: f64) -> (f64, Option<Entry>) {
+        let (t, h) = (self.stepper.step.t, self.stepper.step.h);
+        c.begin(
+            self.functions
+                .zeros
+                .iter()
+                .map(|&(l, s, slope)| (t + s * h, self.source(&self.functions.watches[l]), slope)),
+        );
+        self.field.move_parts_to(t, &self.stepper.step.x0);
         c.cells.clear();
         c.cells.extend(self.field.active.iter().map(|set| if let [cell] = set[..] { cell } else { usize::MAX }));
         self.field.mark_tied(&mut c.tied);
@@ -94,14 +101,14 @@ impl Engine {
     }
 
     /// What happens at a zero. False if it is left to the loop of all states: nothing has changed then.
-    fn happens(&mut self, c: &mut Calendar, e: Entry, t1: f64) -> bool {
+    fn happens(&mut self, c: &mut UnitEvents, e: Entry, t1: f64) -> bool {
         let Some(&owner) = c.depends.owner.get(e.source) else { return false };
-        let history = self.recent.of(e.source);
+        let history = self.calendar.recent.of(e.source);
         let repeats = history.back(0).is_some_and(|last| e.t - last <= 64.0 * EPS * e.t.abs());
         let shrinks = history.gaps().is_some_and(|g| rest_of_series(&g).is_some());
         // NaN is slow
-        let clear = -e.rate * self.step.h > SLOW * self.sizes_at(c, e.source, e.t).1;
-        if repeats || shrinks || !clear || self.levels[e.source] > 0.0 {
+        let clear = -e.rate * self.stepper.step.h > SLOW * self.sizes_at(c, e.source, e.t).1;
+        if repeats || shrinks || !clear || self.functions.levels[e.source] > 0.0 {
             return false;
         }
         self.field.set_time_of_parts(e.t);
@@ -124,26 +131,26 @@ impl Engine {
     }
 
     /// Value of the function in place `q`, whose gradient is constant.
-    fn value_at(&self, c: &Calendar, q: usize, t: f64) -> f64 {
-        let (g, s) = (self.field.gradients.row(&self.dq0, q), &self.step);
-        self.q0[q] + g.states().map(|(i, g)| g * (c.value(s, i, t) - s.x0[i])).sum::<f64>() + g.t * (t - s.t)
+    fn value_at(&self, c: &UnitEvents, q: usize, t: f64) -> f64 {
+        let (g, s) = (self.field.gradients.row(&self.functions.dq0, q), &self.stepper.step);
+        self.functions.q0[q] + g.states().map(|(i, g)| g * (c.value(s, i, t) - s.x0[i])).sum::<f64>() + g.t * (t - s.t)
     }
 
     /// Size of the terms of its value, and what it changes by when all states change by their size.
-    fn sizes_at(&self, c: &Calendar, q: usize, t: f64) -> (f64, f64) {
-        let g = self.field.gradients.row(&self.dq0, q);
-        let reach: f64 = g.states().map(|(i, g)| g.abs() * self.field.size(i, c.value(&self.step, i, t))).sum();
-        (reach + (g.t * t).abs(), reach + (g.t * self.step.h).abs())
+    fn sizes_at(&self, c: &UnitEvents, q: usize, t: f64) -> (f64, f64) {
+        let g = self.field.gradients.row(&self.functions.dq0, q);
+        let reach: f64 = g.states().map(|(i, g)| g.abs() * self.field.size(i, c.value(&self.stepper.step, i, t))).sum();
+        (reach + (g.t * t).abs(), reach + (g.t * self.stepper.step.h).abs())
     }
 
     /// Is transition `g` watched in the discrete states of the present event?
-    fn is_armed(&self, c: &Calendar, g: usize, t: f64) -> bool {
+    fn is_armed(&self, c: &UnitEvents, g: usize, t: f64) -> bool {
         let from = &self.field.guards.all[g].transition.from;
-        from.iter().all(|&(i, value)| c.value(&self.step, i, t) == value)
+        from.iter().all(|&(i, value)| c.value(&self.stepper.step, i, t) == value)
     }
 
     /// Makes transition `g` and those that hold behind it. False where one of them is not plain.
-    fn cascades(&mut self, c: &mut Calendar, g: usize, e: Entry) -> bool {
+    fn cascades(&mut self, c: &mut UnitEvents, g: usize, e: Entry) -> bool {
         let (t, mut next) = (e.t, Some(g));
         while let Some(g) = next {
             if c.fired.contains(&(g as u32)) || c.fired.len() > self.nx || !self.make_one(c, g, t, e.rate) {
@@ -158,7 +165,7 @@ impl Engine {
                 }
                 let value = -self.field.guards.all[h].transition.direction.sign() * self.value_at(c, q, t);
                 let rounding = 64.0 * EPS * self.sizes_at(c, q, t).0;
-                let plain = !self.field.guards.all[h].spent && self.levels[q] == 0.0;
+                let plain = !self.field.guards.all[h].spent && self.functions.levels[q] == 0.0;
                 if !plain || value.is_nan() || value.abs() <= rounding {
                     return false;
                 }
@@ -188,9 +195,9 @@ impl Engine {
     }
 
     /// Makes one transition; the guards that may hold behind it are asked. False where its reset is not defined.
-    fn make_one(&mut self, c: &mut Calendar, g: usize, t: f64, rate: f64) -> bool {
+    fn make_one(&mut self, c: &mut UnitEvents, g: usize, t: f64, rate: f64) -> bool {
         for &i in c.depends.of_reset.of(g) {
-            self.field.set_state_of_parts(i as usize, c.value(&self.step, i as usize, t));
+            self.field.set_state_of_parts(i as usize, c.value(&self.stepper.step, i as usize, t));
         }
         let mut values = std::mem::take(&mut c.values);
         let known = self.field.reset_by_parts(g, &mut values);
@@ -202,7 +209,7 @@ impl Engine {
         let reset = transition.reset.as_ref().map_or(&[][..], |r| &r.rows);
         let (values, to) = (c.values.clone(), &transition.to);
         let moved = reset.iter().copied().zip(values).chain(to.iter().copied());
-        let logged = self.jumps.len() + c.jumps.len() < self.options.max_log;
+        let logged = self.log.jumps.len() + c.jumps.len() < self.options.max_log;
         let mut jump = Jump {
             t,
             transition: g,
@@ -216,10 +223,10 @@ impl Engine {
         for (i, value) in moved {
             if logged {
                 jump.states.push(i);
-                jump.before.push(c.value(&self.step, i, t));
+                jump.before.push(c.value(&self.stepper.step, i, t));
                 jump.after.push(value);
             }
-            c.change(&self.step, i, t, value);
+            c.change(&self.stepper.step, i, t, value);
             for m in 0..c.depends.watching.of(i).len() {
                 c.ask(c.depends.watching.of(i)[m] as usize);
             }
@@ -236,9 +243,10 @@ impl Engine {
     }
 
     /// Does the motion cross the surface of subsystem `k`, which leads from its present cell to the other one?
-    fn crosses(&mut self, c: &mut Calendar, k: usize, e: Entry) -> bool {
+    fn crosses(&mut self, c: &mut UnitEvents, k: usize, e: Entry) -> bool {
         let (inside, other) = self.field.sides(k, c.cells[k]);
-        let states: Vec<u32> = self.field.gradients.row(&self.dq0, e.source).states().map(|s| s.0 as u32).collect();
+        let states: Vec<u32> =
+            self.field.gradients.row(&self.functions.dq0, e.source).states().map(|s| s.0 as u32).collect();
         if states.iter().any(|i| c.tied[*i as usize]) {
             return false;
         }
@@ -246,13 +254,13 @@ impl Engine {
         c.group.gather(&states, |_| false, &c.depends);
         self.start_group(c, e.t);
         c.step.resize(states.len());
-        let Calendar { group, moving, tracks, step, .. } = c;
-        let mut units = Units { field: &mut self.field, group, moving, tracks, step: &self.step };
+        let UnitEvents { group, moving, tracks, step, .. } = c;
+        let mut units = Units { field: &mut self.field, group, moving, tracks, step: &self.stepper.step };
         let known = units.write_velocity(e.t, &group.start, &mut step.f1).is_ok();
         c.cells[k] = before;
         let velocity = &c.step.f1;
         // the group has its states in the order of the gradient
-        let g = self.field.gradients.row(&self.dq0, e.source);
+        let g = self.field.gradients.row(&self.functions.dq0, e.source);
         let terms = || g.values.iter().zip(velocity).map(|(g, v)| g * v).chain([g.t]);
         let (rate, size) = (inside * terms().sum::<f64>(), terms().map(f64::abs).sum::<f64>());
         if !known || rate.is_nan() || rate > -CLEAR * size {
@@ -263,19 +271,19 @@ impl Engine {
     }
 
     /// Lists what moves the group, and the values it begins with behind the present event.
-    fn start_group(&self, c: &mut Calendar, t: f64) {
-        let Calendar { group, moving, depends, cells, .. } = c;
+    fn start_group(&self, c: &mut UnitEvents, t: f64) {
+        let UnitEvents { group, moving, depends, cells, .. } = c;
         let n = group.moving;
         let place = |i: usize| group.place(i).filter(|k| *k < n);
         self.field.list_moving(&group.states[..n], (depends, cells), place, moving);
         for k in 0..c.group.states.len() {
-            let value = c.value(&self.step, c.group.states[k] as usize, t);
+            let value = c.value(&self.stepper.step, c.group.states[k] as usize, t);
             c.group.start.push(value);
         }
     }
 
     /// Integrates what the present event can be felt by anew. False if that is too much, or not plain.
-    fn integrate_around(&mut self, c: &mut Calendar, e: Entry, t1: f64) -> bool {
+    fn integrate_around(&mut self, c: &mut UnitEvents, e: Entry, t1: f64) -> bool {
         let mut states: Vec<u32> = c.changes.iter().map(|x| x.0).collect();
         for n in 0..c.fired.len() {
             states.extend(c.reach_of(self.field.guards.all[c.fired[n] as usize].q));
@@ -297,7 +305,7 @@ impl Engine {
             if PART * states.len() > self.nx || !states.iter().all(plain) {
                 return false;
             }
-            let Calendar { group, depends, still, .. } = c;
+            let UnitEvents { group, depends, still, .. } = c;
             group.gather(&states, |i| still[i], depends);
             c.part_from(e.t);
             self.start_group(c, e.t);
@@ -311,7 +319,7 @@ impl Engine {
                 }
             }
         }
-        let (step, weights, middle) = (&self.step, &self.weights, 0.5 * (e.t + t1));
+        let (step, weights, middle) = (&self.stepper.step, &self.stepper.weights, 0.5 * (e.t + t1));
         let source = c.fired.first().map_or(e.source, |g| self.field.guards.all[*g as usize].q);
         c.note_reach(source, |c, k| {
             let i = c.group.states[k] as usize;
@@ -323,7 +331,7 @@ impl Engine {
     }
 
     /// Integrates the group from `t` to `t1`. False where it would take many steps, or a function is not defined.
-    fn integrate_group(&mut self, c: &mut Calendar, t: f64, t1: f64) -> bool {
+    fn integrate_group(&mut self, c: &mut UnitEvents, t: f64, t1: f64) -> bool {
         let n = c.group.moving;
         for k in n..c.group.states.len() {
             let mut poly = Poly::default();
@@ -333,16 +341,16 @@ impl Engine {
         if n == 0 {
             return true;
         }
-        let (pair, sharpness) = (self.pair, self.sharpness());
+        let (pair, sharpness) = (self.stepper.pair, self.sharpness());
         c.step.resize(n);
         c.weights.resize(n, 0.0);
         c.step.x0.copy_from_slice(&c.group.start[..n]);
         let (mut t, mut h, mut fresh) = (t, t1 - t, true);
         for _ in 0..STEPS {
             let last = h >= 0.99 * (t1 - t);
-            let Calendar { group, moving, tracks, step, weights, .. } = c;
+            let UnitEvents { group, moving, tracks, step, weights, .. } = c;
             (step.t, step.h) = (t, if last { t1 - t } else { h });
-            let mut units = Units { field: &mut self.field, group, moving, tracks, step: &self.step };
+            let mut units = Units { field: &mut self.field, group, moving, tracks, step: &self.stepper.step };
             c.rows += n * pair.rows().0.len();
             if std::mem::take(&mut fresh) && units.write_velocity(t, &step.x0, &mut step.f0).is_err() {
                 return false;
@@ -380,7 +388,7 @@ impl Engine {
     }
 
     /// Adds the states that feel what the group does from `t` on to `states`. Says whether there are any; none where one of them is not plain.
-    fn feels(&mut self, c: &mut Calendar, t: f64, t1: f64, states: &mut Vec<u32>) -> Option<bool> {
+    fn feels(&mut self, c: &mut UnitEvents, t: f64, t1: f64, states: &mut Vec<u32>) -> Option<bool> {
         let mut beside: Vec<u32> = Vec::new();
         for &i in &c.group.states {
             let outside = |j: &&u32| c.group.place(**j as usize).is_none();
@@ -394,7 +402,7 @@ impl Engine {
             if c.tied[own] {
                 return None;
             }
-            let Calendar { moving, depends, cells, .. } = c;
+            let UnitEvents { moving, depends, cells, .. } = c;
             self.field.list_moving(&[j], (depends, cells), |i| (i == own).then_some(0), moving);
             let mut worst = 0.0f64;
             for s in [0.0, 0.5, 1.0] {
@@ -402,11 +410,11 @@ impl Engine {
                 self.field.set_time_of_parts(at);
                 let (mut new, mut old) = ([0.0], [0.0]);
                 for &i in c.depends.reads.of(own).iter().chain([&j]) {
-                    self.field.set_state_of_parts(i as usize, c.new_value(&self.step, i as usize, at));
+                    self.field.set_state_of_parts(i as usize, c.new_value(&self.stepper.step, i as usize, at));
                 }
                 let mut known = self.field.move_by_parts(&mut c.moving, &mut new);
                 for &i in c.depends.reads.of(own).iter().chain([&j]) {
-                    self.field.set_state_of_parts(i as usize, c.tracks.value(&self.step, i as usize, at));
+                    self.field.set_state_of_parts(i as usize, c.tracks.value(&self.stepper.step, i as usize, at));
                 }
                 known &= self.field.move_by_parts(&mut c.moving, &mut old);
                 worst = worst.max((new[0] - old[0]).abs());
@@ -415,7 +423,7 @@ impl Engine {
                 }
             }
             c.rows += 6;
-            if (t1 - t) * worst * self.weights[own] > ACCURATE {
+            if (t1 - t) * worst * self.stepper.weights[own] > ACCURATE {
                 states.push(j);
                 any = true;
             }
@@ -424,31 +432,32 @@ impl Engine {
     }
 
     /// Counts and logs the present event; the cells of what was crossed are those before.
-    fn note_event(&mut self, c: &mut Calendar, e: Entry) {
+    fn note_event(&mut self, c: &mut UnitEvents, e: Entry) {
         for &g in &c.fired {
-            self.recent.note_source(self.field.guards.all[g as usize].q, e.t);
+            self.calendar.recent.note_source(self.field.guards.all[g as usize].q, e.t);
         }
         if c.fired.is_empty() {
-            self.recent.note_source(e.source, e.t);
+            self.calendar.recent.note_source(e.source, e.t);
         }
-        self.stats.jumps += c.fired.len();
+        self.log.stats.jumps += c.fired.len();
         // those of several units at one time are made one after the other
-        let last = self.jumps.last_mut().filter(|j| j.t == e.t && !c.fired.is_empty());
+        let last = self.log.jumps.last_mut().filter(|j| j.t == e.t && !c.fired.is_empty());
         let several = c.fired.len() > 1 || last.is_some();
         if let Some(last) = last {
             last.simultaneous = true;
         }
-        self.jumps.extend(c.jumps.drain(..).map(|j| Jump { simultaneous: several, ..j }));
-        self.stats.switches += c.crossed.len();
+        self.log.jumps.extend(c.jumps.drain(..).map(|j| Jump { simultaneous: several, ..j }));
+        self.log.stats.switches += c.crossed.len();
         for &(k, before, rate) in &c.crossed {
-            if self.switches.len() >= self.options.max_log {
+            if self.log.switches.len() >= self.options.max_log {
                 continue;
             }
             let (k, after) = (k as usize, c.cells[k as usize]);
             let q = self.field.surfaces(k).start;
-            let speed = self.step.f0.iter().map(|v| v * v).sum::<f64>().sqrt();
-            let steepness = self.field.gradients.row(&self.dq0, q).states().map(|s| s.1 * s.1).sum::<f64>().sqrt();
-            self.switches.push(Switch {
+            let speed = self.stepper.step.f0.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let steepness =
+                self.field.gradients.row(&self.functions.dq0, q).states().map(|s| s.1 * s.1).sum::<f64>().sqrt();
+            self.log.switches.push(Switch {
                 t: e.t,
                 kind: Kind::Cross,
                 simultaneous: c.crossed.len() > 1,
@@ -464,7 +473,7 @@ impl Engine {
     }
 
     /// The next zeros of all that depends on the present event, at time `t`.
-    fn look_ahead(&mut self, c: &mut Calendar, t: f64, t1: f64) {
+    fn look_ahead(&mut self, c: &mut UnitEvents, t: f64, t1: f64) {
         for n in 0..c.group.states.len() {
             let i = c.group.states[n] as usize;
             for m in 0..c.depends.watching.of(i).len() {
@@ -507,13 +516,13 @@ impl Engine {
     /// `departs` it is zero at `from`.
     fn next_zero(
         &self,
-        c: &mut Calendar,
+        c: &mut UnitEvents,
         q: usize,
         sign: f64,
         (from, to): (f64, f64),
         departs: bool,
     ) -> Option<(f64, f64)> {
-        let (g, s) = (self.field.gradients.row(&self.dq0, q), &self.step);
+        let (g, s) = (self.field.gradients.row(&self.functions.dq0, q), &self.stepper.step);
         let mut times = std::mem::take(&mut c.times);
         times.clear();
         times.extend([from, to]);
@@ -523,7 +532,7 @@ impl Engine {
         let mut found = None;
         for (n, w) in times.windows(2).enumerate() {
             let mut p = Poly::default();
-            p[0] = sign * (self.q0[q] + g.t * (w[0] - s.t));
+            p[0] = sign * (self.functions.q0[q] + g.t * (w[0] - s.t));
             p[1] = sign * g.t * (w[1] - w[0]);
             for (i, g) in g.states() {
                 let own = c.tracks.between(s, i, (w[0], w[1]));
@@ -548,36 +557,36 @@ impl Engine {
     }
 
     /// Ends the step, which reaches to `t1`, at time `t`, behind the events so far. False where the system is not defined there.
-    fn end_units(&mut self, c: &mut Calendar, t: f64, t1: f64) -> Result<bool> {
+    fn end_units(&mut self, c: &mut UnitEvents, t: f64, t1: f64) -> Result<bool> {
         for i in 0..self.nx {
             if t < t1 || c.tracks.is_touched(i) {
-                self.step.x1[i] = c.tracks.value(&self.step, i, t);
+                self.stepper.step.x1[i] = c.tracks.value(&self.stepper.step, i, t);
             }
         }
-        if let Some(p) = &mut self.path {
-            p.push(self.step.t, t, self.step.h, &self.step.poly);
+        if let Some(p) = &mut self.log.path {
+            p.push(self.stepper.step.t, t, self.stepper.step.h, &self.stepper.step.poly);
             for &i in &c.tracks.touched {
                 let own: Vec<_> = c.tracks.pieces_of(i as usize).filter(|p| p.0 < t).collect();
                 own.into_iter().rev().for_each(|(from, h, poly)| p.push_own(i as usize, (from, h), poly));
             }
             p.cut(&c.events);
         }
-        if self.sampled.are_wanted(t) {
-            let (nx, s) = (self.nx, &self.step);
-            self.sampled.write(t, nx, |t, out| {
+        if self.log.sampled.are_wanted(t) {
+            let (nx, s) = (self.nx, &self.stepper.step);
+            self.log.sampled.write(t, nx, |t, out| {
                 out.iter_mut().enumerate().for_each(|(i, o)| *o = c.tracks.value(s, i, t));
             });
         }
-        self.stats.steps += 1;
+        self.log.stats.steps += 1;
         self.field.counts.values += c.rows / self.nx;
         c.rows %= self.nx;
-        (self.crowd, self.err_before) = (0, 1e-4);
-        self.touched = None;
+        (self.calendar.crowd, self.stepper.err_before) = (0, 1e-4);
+        self.functions.touched = None;
         if t == t1 {
             self.watch_stiffness();
         }
         self.t = t;
-        self.x.copy_from_slice(&self.step.x1);
+        self.x.copy_from_slice(&self.stepper.step.x1);
         let mut sets = self.field.active.clone();
         for (set, &cell) in sets.iter_mut().zip(&c.cells) {
             if let [own] = &mut set[..] {
