@@ -690,9 +690,9 @@ pub(super) fn gradient_map(f: &SharedFunction, rows: &[usize], dims: &Dims) -> V
     let column = Columns { nx: dims.x, nu: dims.u, np: dims.p };
     let (p, n_z) = (f.jac_pattern(), dims.x + dims.p + dims.u + 1);
     let mut map = vec![0; p.nnz()];
-    for col in 0..p.n_cols() {
+    for (col, own) in p.columns() {
         let to = column.of(col);
-        for k in p.range(col) {
+        for k in own {
             map[k] = rows[p.row_idx()[k]] * n_z + to;
         }
     }

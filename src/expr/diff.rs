@@ -28,9 +28,12 @@ const NODES_PER_QUESTION: usize = 256;
 /// The part of a graph that lies between inputs and outputs, oldest node first.
 struct Region {
     ids: Vec<Id>,
-    /// Place in `ids` of every node of the graph, or `NONE`.
+    /// Place in `ids` of every node of the graph, or `NONE`; nothing where the part is small.
     place: Vec<u32>,
 }
+
+/// A part of a graph so many times smaller is small: places in it are looked up, and the others take no time.
+const SMALL: usize = 32;
 
 impl Region {
     /// Nodes under `outputs` that depend on an input of `wrt`.
@@ -49,6 +52,9 @@ impl Region {
         all.sort_unstable();
         all.dedup();
         let top = all.last().map_or(0, |id| id.index() + 1);
+        if SMALL * all.len() < top {
+            return Region::of_few(dag, all, wrt);
+        }
         let mut active = vec![false; top];
         for w in wrt.iter().filter(|w| w.index() < top) {
             active[w.index()] = true;
@@ -68,9 +74,29 @@ impl Region {
         Region { ids: all, place }
     }
 
+    /// The same where the graph is much larger.
+    fn of_few(dag: &Dag, all: Vec<Id>, wrt: &[Id]) -> Region {
+        let inputs: Vec<Id> = {
+            let mut inputs = wrt.to_vec();
+            inputs.sort_unstable();
+            inputs
+        };
+        let mut active = vec![false; all.len()];
+        for k in 0..all.len() {
+            let mut any = inputs.binary_search(&all[k]).is_ok();
+            if !any {
+                dag.for_children(all[k], |c| any |= all.binary_search(&c).is_ok_and(|c| active[c]));
+            }
+            active[k] = any;
+        }
+        let ids = all.into_iter().zip(active).filter(|a| a.1).map(|a| a.0).collect();
+        Region { ids, place: Vec::new() }
+    }
+
     fn place(&self, id: Id) -> Option<usize> {
         match self.place.get(id.index()) {
             Some(&k) if k != NONE => Some(k as usize),
+            None if self.place.is_empty() => self.ids.binary_search(&id).ok(),
             _ => None,
         }
     }

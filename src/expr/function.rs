@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::bundle::Program;
-use super::dag::{Block, Dag, Id};
+use super::dag::{Block, Dag, Id, Node};
 use super::saved::SavedGraph;
 use super::tape::{Tape, LANES};
 use crate::error::{Error, Result};
@@ -69,10 +69,12 @@ impl ExprFunction {
     fn with_order(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id], second: bool) -> Result<ExprFunction> {
         let named = |e: Error| in_function(name, e);
         let value = Tape::new(dag, dims, 0, outputs).map_err(named)?;
-        let wrt = all_inputs(dag, dims);
+        let (columns, wrt) = inputs_of(dag, dims, outputs);
         let weights = dag.inputs(Block::Weight, outputs.len());
-        let jac = dag.jacobian(outputs, &wrt).map_err(named)?;
-        let hess = if second { dag.hessian(outputs, &weights, &wrt).map_err(named)? } else { Vec::new() };
+        let mut jac = dag.jacobian(outputs, &wrt).map_err(named)?;
+        let mut hess = if second { dag.hessian(outputs, &weights, &wrt).map_err(named)? } else { Vec::new() };
+        jac.iter_mut().for_each(|e| e.col = columns[e.col]);
+        hess.iter_mut().for_each(|e| (e.row, e.col) = (columns[e.row], columns[e.col]));
         let tape = |dag: &Dag, n_weights: usize, entries: &[super::diff::Entry]| {
             let ids: Vec<Id> = entries.iter().map(|e| e.value).collect();
             Tape::new(dag, dims, n_weights, &ids).map_err(named)
@@ -102,16 +104,17 @@ impl ExprFunction {
     /// active: [`Function::value_rows`] and [`Function::jacobian_rows`] of a part cost that part only.
     pub fn with_parts(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id], len: usize) -> Result<ExprFunction> {
         let mut f = ExprFunction { part_len: len, ..ExprFunction::new(name, dag, dims, outputs)? };
-        let wrt = all_inputs(dag, dims);
         for (k, part) in outputs.chunks(len.max(1)).enumerate() {
             let rows = k * len..k * len + part.len();
             let value = Tape::new(dag, dims, 0, part)?;
-            let entries = dag.jacobian(part, &wrt)?;
+            let (columns, wrt) = inputs_of(dag, dims, part);
+            let mut entries = dag.jacobian(part, &wrt)?;
+            entries.iter_mut().for_each(|e| e.col = columns[e.col]);
             let ids: Vec<Id> = entries.iter().map(|e| e.value).collect();
             let place = |e: &super::diff::Entry| f.jac_pattern.get(rows.start + e.row, e.col).map(|p| p as u32);
             // The sweep for the part alone may see zeros the whole did not, or the other way round.
             let places: Option<Vec<u32>> = entries.iter().map(place).collect();
-            let n_known = (0..dims.n_in()).flat_map(|j| f.jac_pattern.rows(j)).filter(|r| rows.contains(r)).count();
+            let n_known = f.jac_pattern.row_idx().iter().filter(|r| rows.contains(r)).count();
             match places {
                 Some(places) if places.len() == n_known => {
                     let jacobian = Tape::new(dag, dims, 0, &ids)?;
@@ -209,6 +212,20 @@ pub(crate) fn all_inputs(dag: &mut Dag, dims: Dims) -> Vec<Id> {
     all.extend(dag.inputs(Block::P, dims.p));
     all.push(dag.input(Block::T, 0));
     all
+}
+
+/// The inputs that outputs depend on, in the order of the columns of derivative patterns, and these columns.
+fn inputs_of(dag: &Dag, dims: Dims, outputs: &[Id]) -> (Vec<usize>, Vec<Id>) {
+    let column = |id: &Id| match dag.node(*id) {
+        Node::Input(Block::X, i) => Some((i as usize, *id)),
+        Node::Input(Block::U, i) => Some((dims.x + i as usize, *id)),
+        Node::Input(Block::P, i) => Some((dims.x + dims.u + i as usize, *id)),
+        Node::Input(Block::T, _) => Some((dims.t_col(), *id)),
+        _ => None,
+    };
+    let mut all: Vec<(usize, Id)> = dag.reachable(outputs).iter().filter_map(column).collect();
+    all.sort_unstable();
+    all.into_iter().unzip()
 }
 
 /// Puts the name of a function before a message.

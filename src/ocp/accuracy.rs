@@ -347,7 +347,7 @@ impl Replay {
             let sizes = sizes_of(answer);
             let loose = Options { max_steps: MAX_STEPS, dense: true, ..tolerances(tol, &sizes[1..]) };
             let projected = Projected {
-                engine: Engine::new(projected, &loose)?,
+                engine: Engine::stopping_for_all(projected, &loose)?,
                 lagrange: lagrange.cloned(),
                 dims: projected.dims(),
                 reached: vec![0.0; sizes.len()],
@@ -361,7 +361,7 @@ impl Replay {
         let sizes = sizes_of(answer);
         if projected.is_some() || system.n_algebraic() == 0 && system.inclusions().is_empty() {
             let loose = Options { max_steps: MAX_STEPS, ..tolerances(tol, &sizes) };
-            let method = Method::Events(Box::new(Engine::new(&extended, &loose)?));
+            let method = Method::Events(Box::new(Engine::stopping_for_all(&extended, &loose)?));
             return Ok(Replay { method, tol, sizes, options: *options });
         }
         let coarse = &options.discretisation;

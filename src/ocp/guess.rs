@@ -107,7 +107,7 @@ impl Ocp {
         };
         let loose = self.loose(TOLERANCE, MAX_STEPS);
         let n_fe = &problem.spec().n_fe;
-        let (times, states) = match system.and_then(|s| Engine::new(&s, &loose)) {
+        let (times, states) = match system.and_then(|s| Engine::stopping_for_all(&s, &loose)) {
             Ok(mut engine) => self.by_events(&mut engine, &x0, &constant.controls, n_fe)?,
             Err(Error::Unsupported(_)) => self.by_elements(&x0, &constant.controls, options, control)?,
             Err(e) => return Err(e),

@@ -254,7 +254,7 @@ impl Ocp {
         let options = event::Options { max_steps: MAX_STEPS, ..tolerances(TOLERANCE, sizes) };
         let x0: Vec<f64> = middles(&self.x0_bounds);
         let system = self.projected.as_ref().unwrap_or(&self.system);
-        let Ok(mut engine) = Engine::new(system, &options) else { return Ok(()) };
+        let Ok(mut engine) = Engine::stopping_for_all(system, &options) else { return Ok(()) };
         let nu = self.system.dims().u;
         let functions = self.system.switching_functions();
         for controls in self.random_starts(RUNS, 0) {

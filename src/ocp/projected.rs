@@ -174,7 +174,7 @@ impl Ocp {
         let d = projected.dims();
         let sizes = self.known_or_own_sizes()?.x;
         let tight = accuracy::tolerances(TOLERANCE, &sizes);
-        let mut engine = Engine::new(projected, &event::Options { dense: true, ..tight })?;
+        let mut engine = Engine::stopping_for_all(projected, &event::Options { dense: true, ..tight })?;
         let Some(first) = r.trajectory.elements.first() else { return Ok(None) };
         engine.reinit(self.t0, &first.x0)?;
         let params = match &self.stage_params {

@@ -199,9 +199,14 @@ impl Engine {
         })
     }
 
-    /// Ends a step of all states at every event, so that all of them are known there.
-    pub(crate) fn stop_for_all(&mut self) {
-        self.calendar.units = None;
+    /// The same for those that look at steps one by one: a step of all states ends at every event, and all of them are known there.
+    ///
+    /// # Errors
+    /// Those of [`Engine::new`].
+    pub(crate) fn stopping_for_all(system: &System, options: &Options) -> Result<Engine> {
+        let mut engine = Engine::new(system, options)?;
+        engine.calendar.units = None;
+        Ok(engine)
     }
 
     /// Goes on beyond the bounds that contacts of a scene were left out for: of a motion that is only a guess nothing but that it is close to one within

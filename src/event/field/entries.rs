@@ -30,8 +30,8 @@ impl Entries {
         let (mut rows, mut cols): (Vec<usize>, Vec<usize>) = (0..nx).map(|i| (i, i)).unzip();
         let mut note = |f: &dyn Function, from: usize, to: &[usize]| -> Placed {
             let (p, mut own) = (f.jac_pattern(), Vec::new());
-            for j in 0..nx.min(p.n_cols()) {
-                for k in p.range(j) {
+            for (j, entries) in p.columns().take_while(|c| c.0 < nx) {
+                for k in entries {
                     if let Some(&row) = p.row_idx()[k].checked_sub(from).and_then(|i| to.get(i)) {
                         own.push((k, rows.len()));
                         rows.push(row);

@@ -58,8 +58,9 @@ impl Gradients {
     pub(in crate::event) fn push(&mut self, p: &Pattern, dims: &Dims) -> Vec<usize> {
         let column = super::Columns { nx: dims.x, nu: dims.u, np: dims.p };
         let first = self.columns.len();
-        let mut entries: Vec<(usize, usize, usize)> = (0..p.n_cols())
-            .flat_map(|c| p.range(c).map(move |k| (c, k)))
+        let mut entries: Vec<(usize, usize, usize)> = p
+            .columns()
+            .flat_map(|(c, own)| own.map(move |k| (c, k)))
             .map(|(c, k)| (p.row_idx()[k], column.of(c), k))
             .collect();
         entries.sort_unstable();

@@ -98,8 +98,8 @@ impl Fixed {
         let mut all: Vec<(usize, u32)> = Vec::new();
         let mut note = |f: &dyn Function, from: usize, to: &[usize]| -> Vec<(usize, usize)> {
             let (p, mut own) = (f.jac_pattern(), Vec::new());
-            for c in 0..p.n_cols() {
-                for k in p.range(c) {
+            for (c, own_entries) in p.columns() {
+                for k in own_entries {
                     if let Some(&row) = p.row_idx()[k].checked_sub(from).and_then(|i| to.get(i)) {
                         own.push((k, all.len()));
                         all.push((row, column.of(c) as u32));

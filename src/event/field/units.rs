@@ -1,5 +1,6 @@
 //! Some of the states by themselves: what depends on them, and their velocities without those of the others.
 
+use super::bundled::MANY_STATES;
 use super::Field;
 
 /// Lists of numbers, one for each of some things.
@@ -66,13 +67,14 @@ pub(in crate::event) struct Moving {
 }
 
 impl Field {
-    /// What depends on what; none where the functions cannot be taken apart, or so much is common to them that every point costs as much as a
-    /// part of all states.
+    /// What depends on what; none for few states, where the functions cannot be taken apart, or where so much is common to them that every
+    /// point costs as much as a part of all states.
     pub(in crate::event) fn depends(&self) -> Option<Depends> {
         /// Part of the states.
         const COMMON: usize = 4;
         let b = self.bundle.as_ref().filter(|b| b.has_transitions())?;
-        if self.contacts.is_some() || self.demand.is_some() || COMMON * b.common_operations() > self.nx {
+        let few = self.nx < MANY_STATES;
+        if few || self.contacts.is_some() || self.demand.is_some() || COMMON * b.common_operations() > self.nx {
             return None;
         }
         let nx = self.nx;
@@ -91,7 +93,7 @@ impl Field {
         let reset = |(g, t): (usize, &super::super::guard::Guard)| -> Vec<(u32, u32)> {
             let Some(r) = &t.transition.reset else { return Vec::new() };
             let p = r.f.jac_pattern();
-            (0..nx).filter(|c| !p.rows(*c).is_empty()).map(|c| (number(g), number(c))).collect()
+            p.columns().map(|c| c.0).filter(|c| *c < nx).map(|c| (number(g), number(c))).collect()
         };
         let mut owner = vec![Owner::Other; n_q];
         for (k, s) in self.subs.iter().enumerate() {

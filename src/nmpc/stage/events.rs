@@ -71,8 +71,8 @@ impl EventStage {
         };
         let d = system.dims();
         Ok(EventStage {
-            engine: Engine::new(system, &with(true))?,
-            plain: Engine::new(system, &with(false))?,
+            engine: Engine::stopping_for_all(system, &with(true))?,
+            plain: Engine::stopping_for_all(system, &with(false))?,
             nx: d.x,
             nu: d.u,
             np: d.p,

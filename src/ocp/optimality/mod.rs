@@ -581,7 +581,7 @@ impl Ocp {
         }
         let outer = Outer { gradient, cost: cost_alone, held, n_ends, clock: b.problem.spec().dcs.clock() };
         let mut judge = Judge {
-            engine: Engine::new(&system, &options)?,
+            engine: Engine::stopping_for_all(&system, &options)?,
             dcs,
             w: &w,
             along: &along,

@@ -160,10 +160,7 @@ pub(super) fn controls(ocp: &Ocp) -> Vec<Vec<f64>> {
 /// What simulates: one for all simulations of a search.
 pub(super) fn engine(ocp: &Ocp) -> Result<Engine> {
     let loose = event::Options { max_steps: MAX_STEPS, ..event::Options::with_tolerance(TOLERANCE, TOLERANCE) };
-    let mut engine = Engine::new(&ocp.system, &loose)?;
-    // phases begin with the states behind transitions
-    engine.stop_for_all();
-    Ok(engine)
+    Engine::stopping_for_all(&ocp.system, &loose)
 }
 
 /// Simulates controls by events: the transitions that are made and the states on the way. Stops early where the simulation

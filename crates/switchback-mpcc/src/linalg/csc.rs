@@ -7,19 +7,42 @@
 use crate::error::{Error, Result};
 use crate::memory;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 /// Structure of a sparse `n_rows x n_cols` matrix in compressed columns.
 ///
 /// Column `j` owns the positions `range(j)`; `row_idx()[k]` is the row of position `k`. The
 /// invariants (checked once, in [`Pattern::new`]): `col_ptr` has `n_cols + 1` entries, starts at 0, never
 /// decreases and ends at `nnz`; rows are below `n_rows` and strictly increasing within a column.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct Pattern {
     n_rows: usize,
     n_cols: usize,
-    col_ptr: Vec<usize>,
+    columns: Columns,
     row_idx: Vec<usize>,
 }
+
+/// Where the columns begin.
+#[derive(Debug, Clone)]
+enum Columns {
+    /// All of them, and the end of the last one.
+    All(Vec<usize>),
+    /// Those that are not empty, ascending, where they begin and the last one ends, and all where somebody has asked for them: what has few
+    /// entries takes no memory for every column.
+    Few { of: Vec<usize>, begin: Vec<usize>, all: OnceLock<Vec<usize>> },
+}
+
+/// So many columns for an entry are many.
+const MANY_COLUMNS: usize = 8;
+
+impl PartialEq for Pattern {
+    fn eq(&self, other: &Pattern) -> bool {
+        let same = (self.n_rows, self.n_cols, &self.row_idx) == (other.n_rows, other.n_cols, &other.row_idx);
+        same && self.columns().eq(other.columns())
+    }
+}
+
+impl Eq for Pattern {}
 
 impl Pattern {
     /// Checks and takes a structure: `col_ptr` of length `n_cols + 1`, `row_idx` of length
@@ -78,12 +101,12 @@ impl Pattern {
                 }
             }
         }
-        Ok(Pattern { n_rows, n_cols, col_ptr, row_idx })
+        Ok(Pattern { n_rows, n_cols, columns: Columns::All(col_ptr), row_idx })
     }
 
     /// The `m x n` pattern without entries.
     pub fn empty(m: usize, n: usize) -> Pattern {
-        Pattern { n_rows: m, n_cols: n, col_ptr: vec![0; n + 1], row_idx: Vec::new() }
+        Pattern::from_triplets(m, n, &[], &[]).0
     }
 
     /// The full `m x n` pattern, column-major.
@@ -92,7 +115,7 @@ impl Pattern {
         for _ in 0..n {
             row_idx.extend(0..m);
         }
-        Pattern { n_rows: m, n_cols: n, col_ptr: (0..=n).map(|j| j * m).collect(), row_idx }
+        Pattern { n_rows: m, n_cols: n, columns: Columns::All((0..=n).map(|j| j * m).collect()), row_idx }
     }
 
     /// The full upper triangle with diagonal of an `n x n` matrix.
@@ -101,7 +124,8 @@ impl Pattern {
         for j in 0..n {
             row_idx.extend(0..=j);
         }
-        Pattern { n_rows: n, n_cols: n, col_ptr: (0..=n).map(|j| j * (j + 1) / 2).collect(), row_idx }
+        let all = (0..=n).map(|j| j * (j + 1) / 2).collect();
+        Pattern { n_rows: n, n_cols: n, columns: Columns::All(all), row_idx }
     }
 
     /// The pattern of a list of triplets, and the value map: triplet `k` belongs to position `map[k]`.
@@ -115,6 +139,9 @@ impl Pattern {
     pub fn from_triplets(n_rows: usize, n_cols: usize, rows: &[usize], cols: &[usize]) -> (Pattern, Vec<usize>) {
         assert_eq!(rows.len(), cols.len(), "triplets need one row and one column each");
         let nt = rows.len();
+        if MANY_COLUMNS * (nt + 1) < n_cols {
+            return Pattern::from_few(n_rows, n_cols, rows, cols);
+        }
         // Two stable counting sorts, by row and then by column.
         let mut count = vec![0usize; n_rows + 1];
         for &i in rows {
@@ -158,7 +185,41 @@ impl Pattern {
             }
             col_ptr.push(row_idx.len());
         }
-        (Pattern { n_rows, n_cols, col_ptr, row_idx }, map)
+        (Pattern { n_rows, n_cols, columns: Columns::All(col_ptr), row_idx }, map)
+    }
+
+    /// The same where there are many more columns than entries.
+    fn from_few(n_rows: usize, n_cols: usize, rows: &[usize], cols: &[usize]) -> (Pattern, Vec<usize>) {
+        let mut order: Vec<usize> = (0..rows.len()).collect();
+        order.sort_by_key(|&k| (cols[k], rows[k]));
+        let (mut of, mut begin, mut row_idx): (Vec<usize>, Vec<usize>, Vec<usize>) = Default::default();
+        let mut map = vec![0usize; rows.len()];
+        for k in order {
+            let (i, j) = (rows[k], cols[k]);
+            assert!(i < n_rows && j < n_cols, "triplet ({i}, {j}) is outside of {n_rows} x {n_cols}");
+            let known = of.last() == Some(&j);
+            if !known {
+                of.push(j);
+                begin.push(row_idx.len());
+            }
+            if !known || row_idx.last() != Some(&i) {
+                row_idx.push(i);
+            }
+            map[k] = row_idx.len() - 1;
+        }
+        begin.push(row_idx.len());
+        (Pattern { n_rows, n_cols, columns: Columns::Few { of, begin, all: OnceLock::new() }, row_idx }, map)
+    }
+
+    /// The columns that are not empty, with their positions, ascending.
+    pub fn columns(&self) -> impl Iterator<Item = (usize, Range<usize>)> + '_ {
+        let (few, all) = match &self.columns {
+            Columns::All(all) => (&[][..], &all[..]),
+            Columns::Few { of, begin, .. } => (&of[..], &begin[..]),
+        };
+        let by_place = !matches!(self.columns, Columns::All(_));
+        let each = all.windows(2).enumerate().filter(|(_, w)| w[0] < w[1]);
+        each.map(move |(k, w)| (if by_place { few[k] } else { k }, w[0]..w[1]))
     }
 
     /// Number of rows.
@@ -182,7 +243,15 @@ impl Pattern {
     /// Column pointers, `n_cols + 1` of them.
     #[inline]
     pub fn col_ptr(&self) -> &[usize] {
-        &self.col_ptr
+        match &self.columns {
+            Columns::All(all) => all,
+            Columns::Few { all, .. } => all.get_or_init(|| {
+                let mut all = vec![0; self.n_cols + 1];
+                self.columns().for_each(|(j, own)| all[j + 1] = own.len());
+                (0..self.n_cols).for_each(|j| all[j + 1] += all[j]);
+                all
+            }),
+        }
     }
 
     /// Row of every position, `nnz` of them.
@@ -194,13 +263,22 @@ impl Pattern {
     /// Rows of column `j`, increasing. Panics for `j >= n_cols`.
     #[inline]
     pub fn rows(&self, j: usize) -> &[usize] {
-        &self.row_idx[self.col_ptr[j]..self.col_ptr[j + 1]]
+        &self.row_idx[self.range(j)]
     }
 
     /// Positions of column `j`. Panics for `j >= n_cols`.
     #[inline]
     pub fn range(&self, j: usize) -> Range<usize> {
-        self.col_ptr[j]..self.col_ptr[j + 1]
+        match &self.columns {
+            Columns::All(all) => all[j]..all[j + 1],
+            Columns::Few { of, begin, .. } => {
+                assert!(j < self.n_cols, "column {j} of {}", self.n_cols);
+                match of.binary_search(&j) {
+                    Ok(k) => begin[k]..begin[k + 1],
+                    Err(k) => begin[k]..begin[k],
+                }
+            }
+        }
     }
 
     /// Whether the matrix is square with every entry on or above the diagonal.
@@ -215,7 +293,8 @@ impl Pattern {
         if col >= self.n_cols {
             return None;
         }
-        self.rows(col).binary_search(&row).ok().map(|k| self.col_ptr[col] + k)
+        let own = self.range(col);
+        self.row_idx[own.clone()].binary_search(&row).ok().map(|k| own.start + k)
     }
 
     /// The transposed pattern, and the map: position `k` here is position `map[k]` there.
@@ -238,7 +317,7 @@ impl Pattern {
                 next[i] += 1;
             }
         }
-        (Pattern { n_rows: self.n_cols, n_cols: self.n_rows, col_ptr, row_idx }, map)
+        (Pattern { n_rows: self.n_cols, n_cols: self.n_rows, columns: Columns::All(col_ptr), row_idx }, map)
     }
 }
 
@@ -248,9 +327,9 @@ impl Pattern {
 #[inline]
 pub fn mul_add(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64], alpha: f64) {
     assert_eq!((v.len(), x.len(), y.len()), (p.nnz(), p.n_cols, p.n_rows), "mul_add: lengths of v, x, y");
-    for (w, &xj) in p.col_ptr.windows(2).zip(x) {
-        let ax = alpha * xj;
-        let (rows, vals) = (&p.row_idx[w[0]..w[1]], &v[w[0]..w[1]]);
+    for (j, own) in p.columns() {
+        let ax = alpha * x[j];
+        let (rows, vals) = (&p.row_idx[own.clone()], &v[own]);
         for (&i, &a) in rows.iter().zip(vals) {
             y[i] += a * ax;
         }
@@ -263,13 +342,13 @@ pub fn mul_add(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64], alpha: f64) {
 #[inline]
 pub fn mul_add_transposed(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64], alpha: f64) {
     assert_eq!((v.len(), x.len(), y.len()), (p.nnz(), p.n_rows, p.n_cols), "mul_add_transposed: lengths of v, x, y");
-    for (w, yj) in p.col_ptr.windows(2).zip(y) {
-        let (rows, vals) = (&p.row_idx[w[0]..w[1]], &v[w[0]..w[1]]);
+    for (j, own) in p.columns() {
+        let (rows, vals) = (&p.row_idx[own.clone()], &v[own]);
         let mut s = 0.0;
         for (&i, &a) in rows.iter().zip(vals) {
             s += a * x[i];
         }
-        *yj += alpha * s;
+        y[j] += alpha * s;
     }
 }
 
@@ -285,8 +364,8 @@ pub fn mul_add_symmetric_upper(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64],
         (p.nnz(), p.n_cols, p.n_rows),
         "mul_add_symmetric_upper: lengths of v, x, y"
     );
-    for (j, w) in p.col_ptr.windows(2).enumerate() {
-        let (mut rows, mut vals) = (&p.row_idx[w[0]..w[1]], &v[w[0]..w[1]]);
+    for (j, own) in p.columns() {
+        let (mut rows, mut vals) = (&p.row_idx[own.clone()], &v[own]);
         let ax = alpha * x[j];
         let mut s = 0.0;
         // The diagonal, if stored, is the last entry of its column.
