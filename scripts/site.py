@@ -100,6 +100,7 @@ NAVIGATION = """
       - Architecture: dev/architecture.md
       - Modes from expressions: dev/algorithms/models.md
       - Event-driven simulation: dev/algorithms/events.md
+      - Events of single units: dev/algorithms/calendar.md
       - Derivatives: dev/algorithms/derivatives.md
       - Accumulating switches: dev/algorithms/accumulation.md
       - Contacts: dev/algorithms/contacts.md
