@@ -210,7 +210,7 @@ fn states_on_the_way_are_those_of_the_units() {
     let (mut last, mut own) = (vec![0.0; n], vec![0.0; n]);
     while e.time() < 1.0 {
         let from = e.time();
-        e.step(1.0).unwrap();
+        e.step_on(1.0).unwrap();
         for k in 1..10 {
             let t = from + 0.1 * f64::from(k) * (e.time() - from);
             e.get_dky(t, 0, &mut last).unwrap();
@@ -252,4 +252,46 @@ fn runs_do_not_depend_on_those_before() {
     }
     assert_eq!(ends[0].x, ends[1].x);
     assert_eq!(ends[0].jumps, ends[1].jumps);
+}
+
+/// Who steps sees every switch: a step ends there.
+#[test]
+fn single_steps_end_at_every_switch() {
+    let (system, x0) = rooms(30, 0.1);
+    let mut e = Engine::new(&system, &Options::with_tolerance(RTOL, RTOL)).unwrap();
+    e.reinit(0.0, &x0).unwrap();
+    let mut made = 0;
+    while e.time() < 1.0 {
+        e.step(1.0).unwrap();
+        for j in &e.jumps()[made..] {
+            assert_eq!(j.t, e.time());
+            assert_eq!((j.before.len(), j.after.len(), j.states.len()), (60, 60, 0));
+        }
+        made = e.jumps().len();
+    }
+    assert!(made > 100);
+}
+
+/// States at transitions are known with dense output; without it those that are moved are.
+#[test]
+fn states_at_transitions() {
+    let (system, x0) = neurons(40, 0.3, |i| part(i, 3));
+    let with = |dense: bool| run(&system, &x0, 2.0, &Options { dense, ..Options::with_tolerance(RTOL, RTOL) });
+    let (known, few) = (with(true), with(false));
+    assert_eq!(known.jumps, few.jumps);
+    for k in 0..known.jumps.len() {
+        let ((before, after), (some, _)) = (known.jump_states(k), few.jump_states(k));
+        let j = &known.jumps[k];
+        for i in 0..40 {
+            assert!(before[i].is_finite() && (some[i].is_nan() || some[i] == before[i]));
+            let by = match (i + 40 - j.transition) % 40 {
+                0 => -1.0,
+                1 | 39 => 0.3,
+                _ => 0.0,
+            };
+            assert!((after[i] - before[i] - by).abs() < 1e-12, "{k} {i}: {} {}", before[i], after[i]);
+        }
+        // the first of one time begins at the threshold, those behind it may be beyond
+        assert!(before[j.transition] > 1.0 - 1e-9);
+    }
 }

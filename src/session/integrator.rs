@@ -331,7 +331,9 @@ impl Integrator {
             }
             let now = engine.time();
             let next = stop_times.iter().copied().find(|&s| s > now && s < t);
-            let done = engine.step(next.unwrap_or(t))?;
+            let until = next.unwrap_or(t);
+            // who looks at steps sees every switch
+            let done = if one || watch.is_some() { engine.step(until) } else { engine.step_on(until) }?;
             kind = match done {
                 _ if engine.outcome() == Outcome::Reached && Some(engine.time()) == next => StepKind::StopTime,
                 Progress::Stepped => StepKind::Stepped,

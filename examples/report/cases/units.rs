@@ -116,7 +116,7 @@ pub fn run(c: &Context) {
             e.reinit(0.0, &units.x0).expect("the state fits");
             let clock = Instant::now();
             // what has cost a minute is not followed to its end
-            while e.step(units.t_end).expect("no function asks to stop") != Progress::Done {
+            while e.step_on(units.t_end).expect("no function asks to stop") != Progress::Done {
                 if clock.elapsed().as_secs_f64() > 60.0 {
                     break;
                 }

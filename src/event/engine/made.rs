@@ -151,6 +151,7 @@ impl Engine {
                 levels: vec![0.0; n_q],
             },
             calendar: Calendar {
+                within_steps: false,
                 units: UnitEvents::new(&field, &system.discrete_states()).map(Box::new),
                 shrinking: Shrinking::default(),
                 limits: (f64::NEG_INFINITY, 0),

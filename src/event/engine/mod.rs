@@ -335,10 +335,7 @@ impl Engine {
 
     /// Integrates to time `t`. Time and state are those at the end, or where the simulation ended before.
     pub fn advance(&mut self, t: f64) -> Result<Outcome> {
-        let mut progress = self.step(t)?;
-        while progress != Progress::Done {
-            progress = self.step(t)?;
-        }
+        while self.step_on(t)? != Progress::Done {}
         Ok(self.log.outcome)
     }
 
@@ -376,8 +373,26 @@ impl Engine {
         }
     }
 
-    /// Does one step, not beyond `t_stop`.
+    /// Does one step, not beyond `t_stop`. It ends where anything switches.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for a time that lies behind or is no number, [`Error::Interrupted`], and those of the functions of the model.
     pub fn step(&mut self, t_stop: f64) -> Result<Progress> {
+        self.calendar.within_steps = false;
+        self.step_to(t_stop)
+    }
+
+    /// The same for those that do not look at every switch: single units of a system of many may switch in the step, which does not end for
+    /// them.
+    ///
+    /// # Errors
+    /// Those of [`Engine::step`].
+    pub fn step_on(&mut self, t_stop: f64) -> Result<Progress> {
+        self.calendar.within_steps = true;
+        self.step_to(t_stop)
+    }
+
+    fn step_to(&mut self, t_stop: f64) -> Result<Progress> {
         let progress = self.step_inner(t_stop)?;
         if let Some(tape) = self.derivatives.tape.as_mut().filter(|_| self.t == t_stop) {
             tape.stop(t_stop);

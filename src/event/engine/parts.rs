@@ -114,6 +114,8 @@ pub(super) struct EventFunctions {
 
 /// What happens when: unit by unit in a step, and how it repeats.
 pub(super) struct Calendar {
+    /// Single units may switch within a step.
+    pub(super) within_steps: bool,
     /// What happens in the step unit by unit, where the model can be taken apart.
     pub(super) units: Option<Box<UnitEvents>>,
     pub(super) recent: Recent,

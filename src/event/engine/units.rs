@@ -37,7 +37,8 @@ const HARDLY: f64 = 0.1;
 impl Engine {
     /// May events in this step be left to the units?
     fn goes_by_units(&self) -> bool {
-        !self.stepper.step_implicit
+        self.calendar.within_steps
+            && !self.stepper.step_implicit
             && self.derivatives.sens.is_none()
             && self.derivatives.tape.is_none()
             && !self.field.in_limit_set()
