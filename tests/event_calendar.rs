@@ -278,7 +278,8 @@ fn states_at_transitions() {
     let (system, x0) = neurons(40, 0.3, |i| part(i, 3));
     let with = |dense: bool| run(&system, &x0, 2.0, &Options { dense, ..Options::with_tolerance(RTOL, RTOL) });
     let (known, few) = (with(true), with(false));
-    assert_eq!(known.jumps, few.jumps);
+    let made = |r: &Run| r.jumps.iter().map(|j| (j.t, j.transition)).collect::<Vec<_>>();
+    assert_eq!(made(&known), made(&few));
     for k in 0..known.jumps.len() {
         let ((before, after), (some, _)) = (known.jump_states(k), few.jump_states(k));
         let j = &known.jumps[k];

@@ -709,6 +709,16 @@ class _Transition:
         )
 
 
+def _clock(period: Any, offset: Any) -> tuple[float, float]:
+    """Period and offset of a clock."""
+    every, first = number(period, "period"), number(offset, "offset")
+    if not (every > 0 and math.isfinite(every)):
+        raise ArgumentError(f"period is {every}: it must be positive and finite")
+    if not math.isfinite(first):
+        raise ArgumentError(f"offset is {first}: it must be finite")
+    return every, first
+
+
 class _Built(Handle):
     _kind = "model"
 
@@ -838,6 +848,53 @@ class Model(Named):
         self.transition(self.graph.of(value) > high, when={w: 0}, to={w: 1})
         self.transition(self.graph.of(value) < low, when={w: 1}, to={w: 0})
         return w
+
+    def every(self, period: float, reset: Any = None, *, to: Any = None, offset: float = 0.0, name: str = "") -> Expr:
+        """A clock: a transition at the times `offset`, `offset + period`, and so on. `reset` and `to` are those of `transition`.
+
+        Returns the number of times the clock has struck, a new discrete state (see `discrete`). The times are those of the formula to the last
+        digit, however many there are. A run that begins later begins with the number of times before it.
+        """
+        every, first = _clock(period, offset)
+        count = self.discrete(name, 0)
+        given = {} if reset is None else reset
+        if not hasattr(given, "items"):
+            raise ArgumentError(f"reset must be a dictionary from states to expressions, not {type(reset).__name__}")
+        self.transition(self.t > first + every * count, reset={count: count + 1, **given}, to=to)
+        return count
+
+    def at_times(self, times: Any, reset: Any = None, *, to: Any = None, name: str = "") -> Expr:
+        """Transitions at given times, which increase. `reset` and `to` are those of `transition`, the same at all times; their expressions may
+        depend on how many of the times are over, which is the discrete state that is returned."""
+        all = [number(t, "times") for t in times]
+        if not all or not math.isfinite(all[-1]) or not math.isfinite(all[0]) or any(not b > a for a, b in zip(all, all[1:])):
+            raise ArgumentError(f"times must be numbers that increase, at least one: {all[:8]}")
+        count = self.discrete(name, 0)
+        for k, t in enumerate(all):
+            self.transition(self.t > t, when={count: k}, reset=reset, to={**({} if to is None else to), count: k + 1})
+        return count
+
+    def hold(self, value: Any, period: float, *, offset: float = 0.0, initial: float = 0.0, name: str = "") -> Expr:
+        """Sample and hold: the value that an expression had at the last of the times `offset`, `offset + period`, and so on; `initial` before
+        the first one. It is a new discrete state (see `discrete`)."""
+        _clock(period, offset)
+        held = self.discrete(name, initial)
+        self.every(period, {held: value}, offset=offset)
+        return held
+
+    def pwm(self, duty: Any, period: float, *, offset: float = 0.0, name: str = "") -> Expr:
+        """Pulse-width modulation: 1 from every multiple of `period` on until a part `duty` of the period is over, then 0.
+
+        `duty` may be an expression: the pulse ends where the ramp reaches it. Of a value that is held (see `hold`) it is that of the start. The
+        pulse is a new discrete state (see `discrete`).
+        """
+        if not isinstance(duty, Expr) and not 0 <= number(duty, "duty") <= 1:
+            raise ArgumentError(f"duty is {duty}: a part of the period is between 0 and 1")
+        every, first = _clock(period, offset)
+        pulse = self.discrete(name, 0)
+        count = self.every(every, to={pulse: 1}, offset=first)
+        self.transition(self.t - first - every * (count - 1) > every * self.graph.of(duty), when={pulse: 1}, to={pulse: 0})
+        return pulse
 
     @property
     def derivatives(self) -> list[Expr | None]:
