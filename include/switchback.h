@@ -5566,7 +5566,8 @@ swb_status swb_run_jumps(const struct swb_run *run,
                          uint64_t struct_size);
 
 /**
- * The states just before and just behind a transition.
+ * The states just before and just behind a transition. Where a system of many units is not stopped for what happens in one, those that the
+ * transition does not name are NaN: dense output knows them.
  *
  * @param[in]  index  its place in swb_run_jumps, from 0
  * @param[out] before [n] nx

@@ -4016,7 +4016,8 @@ swb_run_jumps(run, jumps, n, struct_size) =
 """
     swb_run_jump_states(run, index, before, after, n) -> swb_status
 
-The states just before and just behind a transition.
+The states just before and just behind a transition. Where a system of many units is not stopped for what happens in one, those that the
+transition does not name are NaN: dense output knows them.
 
 @param[in]  index  its place in swb_run_jumps, from 0
 @param[out] before [n] nx
