@@ -261,6 +261,7 @@ fn order_six(k: &Stages) -> f64 {
 const SHARE_OF_BS3: f64 = 0.2;
 
 /// Size of the local error relative to what it may be; `weights` are reciprocal tolerances.
+#[inline(always)]
 pub(super) fn error(pair: Pair, s: &Step, weights: &[f64]) -> f64 {
     let n = s.x0.len() as f64;
     match pair {

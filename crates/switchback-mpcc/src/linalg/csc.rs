@@ -271,13 +271,16 @@ impl Pattern {
     pub fn range(&self, j: usize) -> Range<usize> {
         match &self.columns {
             Columns::All(all) => all[j]..all[j + 1],
-            Columns::Few { of, begin, .. } => {
-                assert!(j < self.n_cols, "column {j} of {}", self.n_cols);
-                match of.binary_search(&j) {
-                    Ok(k) => begin[k]..begin[k + 1],
-                    Err(k) => begin[k]..begin[k],
-                }
-            }
+            Columns::Few { .. } => self.range_of_few(j),
+        }
+    }
+
+    fn range_of_few(&self, j: usize) -> Range<usize> {
+        assert!(j < self.n_cols, "column {j} of {}", self.n_cols);
+        let Columns::Few { of, begin, .. } = &self.columns else { return 0..0 };
+        match of.binary_search(&j) {
+            Ok(k) => begin[k]..begin[k + 1],
+            Err(k) => begin[k]..begin[k],
         }
     }
 
