@@ -174,9 +174,9 @@ impl Dag {
         // Inputs each node depends on; given up when there are too many.
         let mut sets: Vec<Vec<u32>> = Vec::with_capacity(region.ids.len());
         let mut total = 0;
-        let column = columns(self, wrt);
+        let columns = Columns::new(wrt);
         for &id in &region.ids {
-            let mut set: Vec<u32> = column(id).into_iter().map(|c| c as u32).collect();
+            let mut set: Vec<u32> = columns.of(id).into_iter().map(|c| c as u32).collect();
             self.for_children(id, |c| {
                 if let Some(k) = region.place(c) {
                     set.extend_from_slice(&sets[k]);
@@ -225,13 +225,13 @@ impl Dag {
         let mut mark = Marks::new(region.ids.len());
         let mut adjoint = vec![None; region.ids.len()];
         let mut entries = Vec::new();
+        let columns = Columns::new(wrt);
         for (row, &o) in outputs.iter().enumerate() {
             let places = self.below(region, o, &mut mark);
             self.sweep_back(region, &places, &[(o, one)], &mut adjoint)?;
-            let column = columns(self, wrt);
             for &k in &places {
                 let v = adjoint[k].take();
-                if let (Some(col), Some(value)) = (column(region.ids[k]), v) {
+                if let (Some(col), Some(value)) = (columns.of(region.ids[k]), v) {
                     if self.as_const(value) != Some(0.0) {
                         entries.push(Entry { row, col, value });
                     }
@@ -242,12 +242,12 @@ impl Dag {
     }
 
     fn read_inputs(&self, region: &Region, adjoint: &[Option<Id>], wrt: &[Id]) -> Vec<(usize, Id)> {
-        let column = columns(self, wrt);
+        let columns = Columns::new(wrt);
         let mut out: Vec<(usize, Id)> = region
             .ids
             .iter()
             .zip(adjoint)
-            .filter_map(|(&id, &v)| Some((column(id)?, v?)))
+            .filter_map(|(&id, &v)| Some((columns.of(id)?, v?)))
             .filter(|g| self.as_const(g.1) != Some(0.0))
             .collect();
         out.sort_unstable();
@@ -345,6 +345,7 @@ impl Dag {
         let one = self.constant(1.0);
         // Sparse tangents, each a list of (column, derivative).
         let mut tangents: Vec<Vec<(u32, Id)>> = Vec::with_capacity(region.ids.len());
+        let columns = Columns::new(wrt);
         let mut k = 0;
         let mut step = 0;
         while k < region.ids.len() {
@@ -353,7 +354,7 @@ impl Dag {
             }
             step += 1;
             let id = region.ids[k];
-            let col = columns(self, wrt)(id);
+            let col = columns.of(id);
             if let Some(col) = col {
                 tangents.push(vec![(col as u32, one)]);
             } else if let Node::Pick(g, _) = self.node(id) {
@@ -634,14 +635,23 @@ impl Dag {
     }
 }
 
-/// Column of an input among `wrt`.
-fn columns<'a>(dag: &'a Dag, wrt: &'a [Id]) -> impl Fn(Id) -> Option<usize> + 'a {
-    // Inputs are made in order as a rule.
-    let sorted = wrt.windows(2).all(|w| w[0] < w[1]);
-    move |id| match dag.node(id) {
-        Node::Input(..) if sorted => wrt.binary_search(&id).ok(),
-        Node::Input(..) => wrt.iter().position(|w| *w == id),
-        _ => None,
+/// The places of inputs among those that derivatives are taken by.
+struct Columns {
+    /// Inputs, ascending, and their places.
+    all: Vec<(Id, u32)>,
+}
+
+impl Columns {
+    fn new(wrt: &[Id]) -> Columns {
+        let mut all: Vec<(Id, u32)> = wrt.iter().copied().zip(0..).collect();
+        all.sort_unstable();
+        Columns { all }
+    }
+
+    /// Place of a node, if it is one of them.
+    fn of(&self, id: Id) -> Option<usize> {
+        let k = self.all.partition_point(|a| a.0 < id);
+        self.all.get(k).filter(|a| a.0 == id).map(|a| a.1 as usize)
     }
 }
 

@@ -3,7 +3,7 @@
 //! From this form the outputs can be taken apart, and programs that differ only in their inputs and constants can be told:
 //! they have the same [`Shape`].
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use super::tape::{Code, Tape};
 
@@ -205,14 +205,16 @@ impl Snippet {
         let (mut inputs, mut constants): (Vec<u32>, Vec<f64>) = (Vec::new(), Vec::new());
         let places = self.operations.iter().flat_map(|o| [Some(o.a), o.code.has_two_operands().then_some(o.b)]);
         let mut numbers: Vec<Place> = Vec::new();
+        let mut known: HashMap<u32, u32> = HashMap::new();
         for p in places.flatten().chain(self.outputs.iter().copied()) {
             numbers.push(match p {
                 Place::Input(i) => {
-                    let known = inputs.iter().position(|j| *j == i);
-                    Place::Input(known.unwrap_or_else(|| {
+                    let next = inputs.len() as u32;
+                    let place = *known.entry(i).or_insert(next);
+                    if place == next {
                         inputs.push(i);
-                        inputs.len() - 1
-                    }) as u32)
+                    }
+                    Place::Input(place)
                 }
                 Place::Constant(c) => {
                     constants.push(c);
