@@ -73,7 +73,7 @@ fn rooms(n: usize, coupling: f64) -> (System, Vec<f64>) {
     for i in 0..n {
         let mut d = (0.8 + 0.4 * part(i, 1)) * (outside - g.x(i)) + 25.0 * g.x(n + i);
         for j in [i.checked_sub(1), Some(i + 1).filter(|j| *j < n)].into_iter().flatten() {
-            d = d + coupling * (g.x(j) - g.x(i));
+            d += coupling * (g.x(j) - g.x(i));
         }
         rhs.push(d);
     }

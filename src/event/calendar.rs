@@ -209,7 +209,10 @@ impl Group {
 
     fn forget(&mut self) {
         self.states.iter().for_each(|i| self.place[*i as usize] = 0);
-        (self.states.clear(), self.inputs.clear(), self.heads.clear(), self.start.clear());
+        self.states.clear();
+        self.inputs.clear();
+        self.heads.clear();
+        self.start.clear();
     }
 }
 
@@ -375,7 +378,10 @@ impl UnitEvents {
     /// The next event begins.
     pub(super) fn forget_event(&mut self) {
         self.changes.iter().for_each(|c| self.changed[c.0 as usize] = 0);
-        (self.changes.clear(), self.jumps.clear(), self.fired.clear(), self.crossed.clear());
+        self.changes.clear();
+        self.jumps.clear();
+        self.fired.clear();
+        self.crossed.clear();
         self.forget_asked();
     }
 

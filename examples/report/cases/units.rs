@@ -30,7 +30,7 @@ fn hystereses(n: usize, coupling: f64) -> Units {
     for i in 0..n {
         let mut d = (0.8 + 0.4 * part(i, 1)) * (outside - g.x(i)) + 25.0 * g.x(n + i);
         for j in [i.checked_sub(1), Some(i + 1).filter(|j| *j < n)].into_iter().flatten().filter(|_| coupling > 0.0) {
-            d = d + coupling * (g.x(j) - g.x(i));
+            d += coupling * (g.x(j) - g.x(i));
         }
         rhs.push(d);
     }
@@ -75,7 +75,7 @@ fn relays(n: usize) -> Units {
         let set = 20.0 + 0.1 * (i % 4) as f64 + 0.01 * (i as f64).sin();
         let mut d = (1.0 + 0.05 * (i % 5) as f64) * (outside - g.x(i));
         for j in [i.checked_sub(1), Some(i + 1).filter(|j| *j < n)].into_iter().flatten() {
-            d = d + 0.5 * (g.x(j) - g.x(i));
+            d += 0.5 * (g.x(j) - g.x(i));
         }
         rhs.push(d + (9.0 + 0.3 * (i % 3) as f64) * (1.0 - (g.x(i) - set).sign()));
     }

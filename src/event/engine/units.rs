@@ -383,7 +383,8 @@ impl Engine {
             t += unit;
             h = unit * (0.9 * err.max(1e-10).powf(-1.0 / pair.order())).clamp(0.333, 6.0);
             let s = &mut c.step;
-            (s.x0.copy_from_slice(&s.x1), s.f0.copy_from_slice(&s.f1));
+            s.x0.copy_from_slice(&s.x1);
+            s.f0.copy_from_slice(&s.f1);
         }
         false
     }

@@ -168,7 +168,8 @@ impl Field {
         to: &mut Moving,
     ) {
         let Moving { parts, adds, values } = to;
-        (parts.clear(), adds.clear());
+        parts.clear();
+        adds.clear();
         let Some(b) = &self.bundle else { return };
         let mut at = 0;
         for (k, &i) in states.iter().enumerate() {
