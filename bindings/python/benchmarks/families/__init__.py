@@ -4,7 +4,7 @@
 has a solution. `Problem.data` are numbers and words that say all of it, and go through JSON; `Problem(family, data)` is the same problem again,
 without drawing, for another build of the library. A module of this folder is a family and has
 
-- `draw(rng)`, the data in units of its own, with `guess`, controls that lead somewhere;
+- `draw(rng)`, the data without units, with `guess`, controls that lead somewhere;
 - `state(data)`, the `Statement`;
 - `accept(data, run)`, whether the simulation of the guess shows what the family is about.
 
@@ -31,8 +31,8 @@ FAMILIES: dict[str, Any] = {
     m.__name__.rpartition(".")[2]: m
     for m in (friction, gears, regions, tanks, walls, pushing, hysteresis, onoff, hopping, projected, affine)
 }
-#: Draws without a usable one among them that mean that a family is wrong.
-DRAWS = 500
+#: Draws of one structure without a usable one among them after which another structure is drawn, and of such structures that mean that a family is wrong.
+DRAWS, STRUCTURES = 200, 20
 #: Points of a control stage at which a path constraint is looked at and the cost is summed (Simpson's rule: an even number of pieces).
 POINTS = 32
 
@@ -106,12 +106,21 @@ def generator(family: str, seed: int, number: int = 0) -> np.random.Generator:
 
 
 def instance(family: str, rng: np.random.Generator) -> Problem:
-    """A problem of the family: draws are repeated until the simulation of the guess shows what it should."""
-    for _ in range(DRAWS):
-        problem = Problem(family, FAMILIES[family].draw(rng))
-        if complete(problem, rng):
-            return problem
-    raise RuntimeError(f"no problem of the family {family} in {DRAWS} draws")
+    """A problem of the family: numbers are drawn until the simulation of the guess shows what it should, those of the structure drawn first, so that
+    what is seldom of use is not seldom among the problems."""
+    for _ in range(STRUCTURES):
+        wanted = structure(FAMILIES[family].draw(rng))
+        usable = (d for d in (FAMILIES[family].draw(rng) for _ in range(50 * DRAWS)) if structure(d) == wanted)
+        for _, d in zip(range(DRAWS), usable):
+            problem = Problem(family, d)
+            if complete(problem):
+                return problem
+    raise RuntimeError(f"no problem of the family {family} in {STRUCTURES} times {DRAWS} draws")
+
+
+def structure(d: dict[str, Any]) -> tuple[Any, ...]:
+    """What of a problem is not a number."""
+    return d.get("kind"), len(d["x0"])
 
 
 def initial_state(d: dict[str, Any]) -> list[float]:
@@ -138,7 +147,7 @@ def beyond(values: np.ndarray, lower: Any, upper: Any) -> float:
     return float(np.max(np.maximum(low - values, values - high) / size, initial=0.0))
 
 
-def complete(problem: Problem, rng: np.random.Generator) -> bool:
+def complete(problem: Problem) -> bool:
     """Writes the goal and the cost of the guess into the data; False where the guess is of no use."""
     d, s = problem.data, problem.state()
     try:

@@ -39,7 +39,7 @@ def state(d):
     goal = list(range(2 * n)) if d["ends"] == "all" else [n - 1, 2 * n - 1]
     return Statement(
         m, lagrange=running(d, u, max(d["bounds"][1])), goal=[m.x[i] for i in goal], goal_sizes=[d["units"]["x"][i] for i in goal],
-        options={"n_s": 2, "n_fe": 3},
+        options={"n_s": 3, "n_fe": 3},
     )  # fmt: skip
 
 

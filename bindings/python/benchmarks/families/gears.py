@@ -37,7 +37,7 @@ def state(d):
     path = [([v], [0.0], [d["limit"]])] if d["limit"] else []
     return Statement(
         m, lagrange=running(d, [u]), goal=[m.x[i] for i in goal], goal_sizes=[d["units"]["x"][i] for i in goal], path=path,
-        options={"n_s": 2, "n_fe": 3},
+        options={"n_s": 3, "n_fe": 3},
     )  # fmt: skip
 
 

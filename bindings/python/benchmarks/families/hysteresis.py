@@ -59,7 +59,7 @@ def state(d):
     if d.get("free"):
         cost = cost + 0.2
     return Statement(
-        m, lagrange=cost, goal=[m.x[i] for i in goal], goal_sizes=[d["units"]["x"][i] for i in goal], options={"n_s": 2, "n_fe": 2}
+        m, lagrange=cost, goal=[m.x[i] for i in goal], goal_sizes=[d["units"]["x"][i] for i in goal], options={"n_s": 3, "n_fe": 2}
     )
 
 

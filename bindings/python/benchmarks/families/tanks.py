@@ -38,7 +38,7 @@ def state(d):
     goal = range(n) if d["ends"] == "all" else [n - 1]
     return Statement(
         m, lagrange={"energy": u**2, "near": near + 1e-3 * u**2, "both": near + 0.2 * u**2}[d["cost"]], goal=[m.x[i] for i in goal],
-        goal_sizes=[d["units"]["x"][i] for i in goal], options={"n_s": 2, "n_fe": 3},
+        goal_sizes=[d["units"]["x"][i] for i in goal], options={"n_s": 3, "n_fe": 3},
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Balls and blocks that bounce: in a box, off posts, in a row, thrown by a hand; to a place."""
+"""Balls and blocks that bounce: in a box, off posts, through a hole, in a row, thrown by a hand; to a place."""
 
 import numpy as np
 
@@ -7,13 +7,17 @@ from switchback_control import sqrt
 
 
 def draw(rng):
-    kind = pick(rng, "box", "posts", "row", "throw")
+    kind = pick(rng, "box", "posts", "hole", "row", "throw")
     stages = whole(rng, 8, 16)
     d = {"kind": kind, "stages": stages, "gravity": pick(rng, 0.0, 1.0), "e": float(rng.uniform(0.4, 1.0)), "room": pick(rng, 0.0, 0.0, 0.01)}
-    if kind in ("box", "posts"):
+    if kind in ("box", "posts", "hole"):
         d |= {"masses": [1.0, 1.0], "drag": pick(rng, 0.0, 0.1), "horizon": float(rng.uniform(2.0, 4.0)), "walls": rng.uniform(0.7, 1.3, 4).tolist()}
         d["x0"] = [float(rng.uniform(-0.5, 0.5)), float(rng.uniform(-0.5, 0.5)), *rng.uniform(-1.2, 1.2, 2).tolist()]
         d["posts"] = [[*rng.uniform(-1.0, 1.0, 2).tolist(), float(rng.uniform(0.1, 0.4))] for _ in range(whole(rng, 1, 3))]
+        if kind == "hole":
+            at, high, wide, r = rng.uniform(0.3, 0.8), rng.uniform(-0.4, 0.4), rng.uniform(0.1, 0.3), rng.uniform(0.3, 0.8)
+            d["posts"] = [[float(at), float(high + way * (r + wide)), float(r)] for way in (-1, 1)]
+            d["x0"][0], d["x0"][2] = float(at - r - rng.uniform(0.1, 0.6)), float(rng.uniform(0.0, 1.0))
         rows = [pieces(rng, stages, -0.8, 0.8, 4), pieces(rng, stages, -0.8, 0.8 + 0.8 * d["gravity"], 4)]
         most = [2.0, 2.0]
     elif kind == "row":
@@ -45,7 +49,7 @@ def draw(rng):
 def state(d):
     s, q, v, u = scene(d, f"walls, {d['kind']}", d["masses"])
     length, path = d["units"]["length"], []
-    if d["kind"] in ("box", "posts"):
+    if d["kind"] in ("box", "posts", "hole"):
         x, y = q
         forces(d, s, [u[0] - d["drag"] * v[0], u[1] - d["drag"] * v[1] - d["gravity"]])
         if d["kind"] == "box":
@@ -79,7 +83,8 @@ def accept(d, run):
         return 0.15 < end[3] - end[1] and 0.2 < abs(end[2]) < 4 and events(run) < 12
     if d["kind"] == "row":
         return end[len(d["masses"]) - 1] > d["x0"][len(d["masses"]) - 1] + 0.2 and events(run) < 15
-    if d["kind"] == "posts":
+    if d["kind"] in ("posts", "hole"):
+        through = d["kind"] == "posts" or (end[0] > d["posts"][0][0] + 0.1 and abs(end[1]) < 3)
         near = min(np.hypot(d["x0"][0] - a, d["x0"][1] - b) - r for a, b, r in d["posts"])
-        return near > 0.1 and 0 < events(run) < 10
+        return through and near > 0.05 and (d["kind"] == "hole" or events(run) > 0) and events(run) < 10
     return 0 < events(run) < 10
