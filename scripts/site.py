@@ -89,6 +89,7 @@ NAVIGATION = """
       - Simulation: benchmarks/simulation.md
       - Programs: benchmarks/mpcc.md
       - Scenes in optimal control: benchmarks/jumps.md
+      - Paired comparisons: benchmarks/paired.md
       - Model predictive control: benchmarks/nmpc.md
       - Contraction of real-time iterations: benchmarks/nmpc_contraction.md
       - Quadratic programs of control: benchmarks/nmpc_qp.md

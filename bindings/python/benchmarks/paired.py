@@ -124,12 +124,13 @@ def solve(family: str, data: dict[str, Any], options: dict[str, Any], limit: flo
     ocp = problem.make(**how)
     if options.get("guess") == "on":
         ocp.set_control_guess(problem.guess)
-    over = threading.Event()
+    over, cut = threading.Event(), threading.Event()
     clock = time.process_time()
 
     def watch() -> None:
         while not over.wait(0.05):
             if time.process_time() - clock > limit:
+                cut.set()
                 ocp.interrupt()
                 return
 
@@ -144,7 +145,7 @@ def solve(family: str, data: dict[str, Any], options: dict[str, Any], limit: flo
     record = {
         "outcome": r.outcome.name.lower(), "polished": str(r.polished), "verdict": r.certificate, "cost": r.cost_reached, "cpu": round(cpu, 4),
         "simulated": r.accuracy.cost if r.accuracy else None, "iterations": r.stats.iterations, "work": r.stats.factorisations,
-        "evaluations": r.stats.evaluations, "answer": bool(r.success or (r.polished.name == "DONE" and math.isfinite(r.cost_reached))),
+        "evaluations": r.stats.evaluations, "cut": cut.is_set(), "answer": bool(r.success or (r.polished.name == "DONE" and math.isfinite(r.cost_reached))),
     }  # fmt: skip
     try:
         record["deviation"] = replay(problem, r)
@@ -300,7 +301,7 @@ def judged(records: list[dict[str, Any]], arm: str) -> dict[str, Any]:
         "above_guess": sum(lower(r["guess_cost"], cost_of(a), r["guess_cost"]) for r, a in of),
         "median": float(np.median(ratios)) if ratios else None, "worst": max(ratios, default=None),
         "cpu": sum(a["cpu"] for _, a in of), "iterations": sum(a.get("iterations", 0) for _, a in of),
-        "cut": sum(a["outcome"] in ("stopped", "killed") for _, a in of),
+        "cut": sum(a.get("cut", a["outcome"] == "killed") for _, a in of),
         "unknown": sum(a.get("verdict", "unknown") == "unknown" for _, a in solved),
     }  # fmt: skip
 
@@ -323,7 +324,7 @@ def source_tables(records: list[dict[str, Any]]) -> str:
         best, cost = least(r), cost_of(r["arms"]["default"])
         if lower(best, cost, r["guess_cost"]):
             ways = [a for a, found in r["arms"].items() if cost_of(found) == best] or ["known controls" if best == r["guess_cost"] else "enumeration"]
-            what = "no answer" if cost is None else shown(cost)
+            what = "no solution" if cost is None else shown(cost)
             ratio = "–" if cost is None or best <= 0 else f"{cost / best:.4g}"
             lines.append(f"| {r['family']} | {r['number']} | {best:.7g} | {ways[0]} | {what} | {ratio} |")
     return "\n".join(lines)
@@ -406,8 +407,8 @@ def run(arguments: argparse.Namespace) -> int:
                 print(f"{family:11}{number:4}  guess {shown(record['guess_cost'])}" + "".join(
                     f"   {w} {shown(cost_of(a))} {a['cpu']:.1f} s" + ("" if a["solved"] else f" {a['outcome']}") for w, a in record["arms"].items()
                 ), flush=True)  # fmt: skip
-                if arguments.json:
-                    arguments.json.write_text(json.dumps(stored, indent=None, separators=(",", ":")).replace('{"family"', '\n{"family"') + "\n")
+                if arguments.json and len(stored["instances"]) % 10 == 0:
+                    write(arguments.json, stored)
     except KeyboardInterrupt:
         print("interrupted: tables of what there is")
     finally:
@@ -415,11 +416,27 @@ def run(arguments: argparse.Namespace) -> int:
             arm.close()
     order = {name: k for k, name in enumerate(names)}
     stored["instances"].sort(key=lambda r: (order[r["family"]], r["number"]))
+    if arguments.json:
+        write(arguments.json, stored)
     text = tables(stored["instances"])
     print(text)
     if arguments.markdown:
         arguments.markdown.write_text(text + "\n")
     return 0
+
+
+def rounded(value: Any) -> Any:
+    """With ten digits, which is what a comparison needs."""
+    if isinstance(value, dict):
+        return {k: rounded(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [rounded(v) for v in value]
+    return float(f"{value:.10g}") if isinstance(value, float) else value
+
+
+def write(path: Path, stored: dict[str, Any]) -> None:
+    """As JSON, a line for an instance."""
+    path.write_text(json.dumps(rounded(stored), separators=(",", ":")).replace('{"family"', '\n{"family"') + "\n")
 
 
 #: Names of the families: the program itself loads no library.

@@ -67,7 +67,7 @@ def state(d):
         s.contact("two", gap=y2 * length, tangents=[x2 * length], mu=d["mu"])
         path.append(([x2 - x1], [0.2], [1.8]))
         goal = [s.q[0], s.q[2]]
-    return Statement(s, lagrange=running(d, u), goal=goal, goal_sizes=[length] * len(goal), path=path, options={"n_s": 2, "n_fe": 1})
+    return Statement(s, lagrange=running(d, u), goal=goal, goal_sizes=[length] * len(goal), path=path, options={"n_s": 3, "n_fe": 1})
 
 
 def accept(d, run):
