@@ -2342,7 +2342,7 @@ typedef struct swb_settings {
      */
     double accuracy_tol;
     /**
-     * Number of neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
+     * Mode sequences that a search tries before it ends of itself; 0: as many as its effort says.
      */
     int64_t mode_search;
     /**
@@ -2433,6 +2433,22 @@ typedef struct swb_settings {
      * Velocity of a sliding mode where surfaces meet and their effects multiply. Where the chosen rule has no weights between 0 and 1, an extreme velocity is taken (enum selection).
      */
     int64_t selection;
+    /**
+     * Work of a search after its last gain as a multiple of that until it: more finds better optima, less ends sooner.
+     */
+    double search_effort;
+    /**
+     * Share of the cost by which a solution has to be better for a search to go on for it: smaller gains are taken, but not worked for.
+     */
+    double search_gain;
+    /**
+     * Random controls that a search draws and simulates at a time; 0: none.
+     */
+    int64_t search_samples;
+    /**
+     * Seed of the random controls of a search.
+     */
+    int64_t search_seed;
 } swb_settings;
 
 /**

@@ -91,6 +91,7 @@ pub mod fesd;
 pub mod jumps;
 #[doc(hidden)]
 pub mod qp;
+pub(crate) mod search;
 #[doc(hidden)]
 pub mod session;
 #[doc(hidden)]

@@ -25,6 +25,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("expr", &["error", "stop", "linalg", "func"]),
     ("nlp", &["error", "stop", "settings", "log", "linalg", "func"]),
     ("mpcc", &["error", "stop", "settings", "log", "linalg", "func", "nlp"]),
+    ("search", &["error", "stop", "nlp"]),
     ("system", &["error", "stop", "settings", "log", "linalg", "func"]),
     ("model", &["error", "stop", "linalg", "func", "expr", "system"]),
     ("scene", &["error", "stop", "linalg", "func", "expr", "system", "model"]),
@@ -38,7 +39,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         "jumps",
         &[
             "error", "stop", "settings", "log", "tableau", "linalg", "func", "expr", "nlp", "mpcc", "system", "scene",
-            "freezing", "dcs", "event", "fesd",
+            "freezing", "dcs", "event", "fesd", "search",
         ],
     ),
     (
@@ -52,7 +53,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         "ocp",
         &[
             "error", "stop", "settings", "log", "tableau", "linalg", "qp", "func", "nlp", "mpcc", "system", "dcs",
-            "event", "fesd", "jumps", "sim",
+            "event", "fesd", "search", "jumps", "sim",
         ],
     ),
     (

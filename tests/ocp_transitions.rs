@@ -395,7 +395,7 @@ fn wrong_statements_are_refused_with_words() {
 }
 
 /// Two tanks, of which a pump empties the second from 0.8 down to 0.4: the least effort between two levels. All sequences next to the one that
-/// simulations of the guess lead to, in which the pump runs once, cost 0.578 and more; the best one has another start of the pump at the end.
+/// simulations of the guess lead to, in which the pump runs once, cost 0.578 and more; the best one has another start of the pump at the end. The usual effort does not find it.
 #[test]
 fn a_better_sequence_elsewhere_is_found() {
     let cost = |guess: Option<f64>| {
@@ -404,7 +404,7 @@ fn a_better_sequence_elsewhere_is_found() {
         let transitions =
             vec![edge(h2 - 0.8, Direction::Rising, 2, 0.0, 1.0), edge(h2 - 0.4, Direction::Falling, 2, 1.0, 0.0)];
         let b = build(&g, 1, &[u - 0.4 * h1, 0.4 * h1 - 0.5 * pump], &[0.0], transitions);
-        let set = Settings { n_s: 2, n_fe: 2, ..Settings::default() };
+        let set = Settings { n_s: 2, n_fe: 2, search_effort: 4.0, ..Settings::default() };
         let mut o = Ocp::new(&b.system, 6.0, 18, &set).unwrap();
         o.set_x0(&[0.5, 0.5, 0.0]).unwrap();
         o.set_u_bounds(&[0.0], &[1.0]).unwrap();

@@ -1073,7 +1073,7 @@ table (`swb_option_range`).
 - `penalty_init`: First penalty parameter of the penalties among the relaxations; sigma is its inverse.
 - `accuracy`: Compare a solution of optimal control with an event-driven simulation of its controls (enum toggle).
 - `accuracy_tol`: Relative and absolute tolerance of the simulation that the option accuracy compares a solution of optimal control with.
-- `mode_search`: Number of neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
+- `mode_search`: Mode sequences that a search tries before it ends of itself; 0: as many as its effort says.
 - `dcs_form`: Complementarity form of switching terms (enum dcs_form).
 - `lift_depth`: Largest number of factors in a product of the Heaviside form; longer products are lifted.
 - `integration`: Integration method of the modes in event-driven simulation (enum integration).
@@ -1096,6 +1096,10 @@ table (`swb_option_range`).
 - `ocp_start`: Search for the solution of an optimal control problem (enum ocp_start).
 - `portfolio`: Strategies for a program with complementarity constraints within its iterations (enum portfolio).
 - `selection`: Velocity of a sliding mode where surfaces meet and their effects multiply. Where the chosen rule has no weights between 0 and 1, an extreme velocity is taken (enum selection).
+- `search_effort`: Work of a search after its last gain as a multiple of that until it: more finds better optima, less ends sooner.
+- `search_gain`: Share of the cost by which a solution has to be better for a search to go on for it: smaller gains are taken, but not worked for.
+- `search_samples`: Random controls that a search draws and simulates at a time; 0: none.
+- `search_seed`: Seed of the random controls of a search.
 """
 struct swb_settings
     struct_size::UInt64
@@ -1162,8 +1166,12 @@ struct swb_settings
     ocp_start::Int64
     portfolio::Int64
     selection::Int64
+    search_effort::Cdouble
+    search_gain::Cdouble
+    search_samples::Int64
+    search_seed::Int64
 end
-sizeof(swb_settings) == 512 || error("swb_settings has another size than in C")
+sizeof(swb_settings) == 544 || error("swb_settings has another size than in C")
 
 """
 Residuals of the optimality conditions, unscaled, maximum norm.

@@ -3,23 +3,20 @@
 //! A sequence of transitions, each with the control stage it is made in, is a smooth problem: between two transitions the
 //! discrete states are constant, the times of the transitions are variables, a stage with a transition is cut there, the guard
 //! that passes zero is an equality at that time, and every guard that is watched keeps its sign until then. Sequences to begin
-//! with come from simulations by events; from the best one with a solution the search goes to sequences next to it, as long as
-//! the cost falls. A transition is put in only where its guard comes close to zero along the best answer: where it stays away a
-//! small change of the controls would not make it, so nothing near the answer is left out. What is not near it is asked of simulations of
-//! controls drawn at random ([`look`]), whose sequences are tried for a share of what the search has taken, as long as one is better.
+//! with come from simulations by events. A transition is put in only where its guard comes close to zero along a solution: where it stays away a
+//! small change of the controls would not make it, so nothing near is left out. What is not near is asked of simulations of random controls.
+//! [`space`] says this to the [search](crate::search).
 
 mod automaton;
 mod guess;
 mod legs;
-mod look;
 mod program;
+mod space;
 
-use std::collections::BTreeSet;
 use std::time::Instant;
 
-use self::automaton::{Automaton, Passage, Sequence};
-use self::guess::Guess;
-use self::program::Program;
+use self::automaton::{Automaton, Sequence};
+use self::space::{Ended, Transitions};
 use super::accuracy::{self, Accuracy, Answer, Replay};
 use super::between::Rows;
 use super::extend::{Extended, Statement};
@@ -28,28 +25,11 @@ use super::request::{Comparison, Request};
 use super::solve::Start;
 use super::{CostOf, Durations, Ocp, OcpResult};
 use crate::error::{Error, Result};
-use crate::fesd::Sizes;
-use crate::nlp::{allowance, Control, Outcome, SecondOrder, Statistics};
+use crate::nlp::{Control, Outcome, SecondOrder};
+use crate::search::{self, explore, Budget, Plan, Source};
 use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
 use crate::stop;
-
-/// Sequences that are solved at most where the option mode_search does not say more.
-const SEQUENCES: usize = 200;
-/// Share of the cost by which one must be lower to count as better.
-const GAIN: f64 = 1e-9;
-/// Iterations of a sequence once another one has a solution: so many times those of the best one, which are taken for this
-/// many at least. What has a solution takes about as many; what has none would take hundreds to find that out.
-const LONGER: usize = 2;
-const USUAL: usize = 15;
-/// Share of the violation by which one must be lower to count as better.
-const LESS: f64 = 0.5;
-/// Answers that are not the best whose neighbours are tried.
-const PATIENCE: usize = 3;
-/// Iterations of a second look, as a share of those before.
-const LOOK_SHARE: f64 = 0.5;
-/// A guard that stays further away from zero than this share of its range is not made to pass it.
-const NEAR: f64 = 0.1;
 
 /// Distance of a transition from the end of a stage, as a share of the stage, at which it is there, and share of the range of a guard at which it
 /// touches zero.
@@ -71,40 +51,6 @@ pub struct JumpMade {
     pub before: Vec<f64>,
     /// State just behind `[nx]`.
     pub after: Vec<f64>,
-}
-
-/// A sequence with what its program found.
-struct Found {
-    sequence: Sequence,
-    result: OcpResult,
-    /// Were the sequences next to it tried?
-    expanded: bool,
-}
-
-impl Found {
-    /// What the search goes by: answers by their cost, then what is none by its violation.
-    fn rank(&self) -> (bool, f64) {
-        match self.result.is_exact() {
-            true => (false, self.result.cost),
-            false => (true, self.result.residuals.primal),
-        }
-    }
-}
-
-/// The search: what was tried and what is best.
-struct Search<'a> {
-    ocp: &'a Ocp,
-    automaton: Automaton,
-    sizes: Sizes,
-    request: Request,
-    tried: BTreeSet<Sequence>,
-    /// What was found, the best first.
-    found: Vec<Found>,
-    spent: Statistics,
-    /// Sequences that may still be tried.
-    left: usize,
-    /// May a better answer be elsewhere, and is it asked for?
-    looks: bool,
 }
 
 impl Ocp {
@@ -129,15 +75,10 @@ impl Ocp {
         let clock = Instant::now();
         legs::check(self)?;
         let last = if start == Start::Warm { self.result.take() } else { None };
-        let mut search = Search::new(self, request)?;
-        let (found, tried) = match search.run(last.as_ref(), control) {
-            Ok(()) => (search.found.drain(..).next(), search.tried.len()),
-            Err(e) => return Err(e),
-        };
-        let ended = search.left == 0;
-        let (spent, text) = (search.spent, found.as_ref().map(|f| search.automaton.text(&f.sequence)));
-        let automaton = search.automaton;
-        let Some(Found { mut result, expanded, .. }) = found else {
+        let mut budget = Budget::new(f64::INFINITY);
+        let (found, automaton) = self.search_transitions(last.as_ref(), request, &mut budget, control)?;
+        let (tried, ended, settled) = (found.tried, found.ended, found.settled);
+        let Some((Ended { mut result, sequence, .. }, _)) = found.all.into_iter().next() else {
             return Err(stop::requested().map_or_else(
                 || {
                     Error::Numeric(
@@ -147,8 +88,8 @@ impl Ocp {
                 |why| why.error(),
             ));
         };
-        result.stats = spent;
-        let text = text.unwrap_or_default();
+        let text = automaton.text(&sequence);
+        result.stats = budget.stats;
         if let Some(why) = stop::requested() {
             result.message = format!("{}: the search ended after {tried} sequences of transitions", why.words());
             result.ended = Some(why.into()).filter(|_| result.outcome == Outcome::Solved);
@@ -158,9 +99,9 @@ impl Ocp {
                  violates constraints by {:.3e}",
                 result.residuals.primal
             );
-        } else if ended {
+        } else if ended == search::Ended::Limit {
             result.message = format!(
-                "the search ended after {tried} sequences of transitions: others may be better, raise the option mode_search"
+                "the search ended after {tried} sequences of transitions: others may be better, raise the option max_iter"
             );
         }
         if let Some(c) = request.comparison {
@@ -172,10 +113,42 @@ impl Ocp {
             result.accuracy = Some(found);
         }
         if result.is_exact() {
-            result.optimality = Some(self.certify_transitions(&result, &automaton, expanded));
+            result.optimality = Some(self.certify_transitions(&result, &automaton, settled));
         }
         result.stats.time_total = clock.elapsed().as_secs_f64();
         Ok(self.result.insert(result))
+    }
+
+    /// From the sequence of an answer of before, or else from all sources.
+    fn search_transitions(
+        &self,
+        last: Option<&OcpResult>,
+        request: &Request,
+        budget: &mut Budget,
+        control: &mut Control,
+    ) -> Result<(search::Found<Ended, Sequence>, Automaton)> {
+        let mut space = Transitions::new(self, last, request)?;
+        let plan = |sources: &[Source], effort: f64| Plan {
+            sources: sources.to_vec(),
+            effort,
+            gain: self.settings.search_gain,
+            least_tried: request.search,
+            any: self.is_determined(),
+            kept: 1,
+        };
+        if last.is_some() {
+            // an answer that is known to be good is improved, and that is all
+            let found = explore(&mut space, &plan(&[Source::Guess], 0.0), budget, control)?;
+            if found.all.first().is_some_and(|f| f.0.result.is_exact()) || stop::requested().is_some() {
+                return Ok((found, space.automaton));
+            }
+            // it may have a sequence that the problem of now does not admit
+        }
+        let samples = self.has_costs() && request.start != OcpStart::Homotopy;
+        let sources = [Source::Simulation, Source::Samples];
+        let plan = plan(if samples { &sources } else { &sources[..1] }, self.settings.search_effort);
+        let found = explore(&mut space, &plan, budget, control)?;
+        Ok((found, space.automaton))
     }
 
     /// Says where the simulation has another discrete state than the answer.
@@ -284,163 +257,16 @@ impl Ocp {
     }
 }
 
-impl<'a> Search<'a> {
-    fn new(ocp: &'a Ocp, request: &Request) -> Result<Search<'a>> {
-        Ok(Search {
-            ocp,
-            automaton: Automaton::new(&ocp.system, &ocp.x0_bounds[0], &ocp.x_bounds),
-            sizes: ocp.sizes()?,
-            request: request.of_a_part(),
-            tried: BTreeSet::new(),
-            found: Vec::new(),
-            spent: Statistics::default(),
-            left: SEQUENCES.max(request.search),
-            looks: ocp.has_costs() && request.start != OcpStart::Homotopy,
-        })
-    }
-
-    /// Tries the sequences to begin with, then goes from the best one to those next to it as long as that helps.
-    fn run(&mut self, last: Option<&OcpResult>, control: &mut Control) -> Result<()> {
-        if let Some(r) = last.filter(|r| r.outcome == Outcome::Solved) {
-            let passage = |j: &JumpMade| Passage { transition: j.transition, stage: j.stage, at_once: j.at_once };
-            let sequence: Sequence = r.jumps.iter().map(passage).collect();
-            let mut start = r.clone();
-            self.ocp.restate(&mut start);
-            self.attempt(sequence, &Guess::of(&start), control)?;
-        }
-        // an answer of before may have a sequence that the problem of now does not admit
-        if self.found.is_empty() {
-            let mut engine = guess::engine(self.ocp)?;
-            for u in guess::controls(self.ocp) {
-                let (sequence, guess) = guess::simulate(self.ocp, &self.automaton, &mut engine, &u)?;
-                self.attempt(sequence, &guess, control)?;
-            }
-        }
-        if self.ocp.is_determined() && self.found.first().is_some_and(|f| f.result.is_exact()) {
-            return Ok(());
-        }
-        if last.is_some() {
-            // an answer that is known to be good is improved, and that is all
-            return self.descend(0, control);
-        }
-        self.descend(PATIENCE, control)?;
-        while self.look_elsewhere(control)? {
-            self.descend(PATIENCE, control)?;
-        }
-        Ok(())
-    }
-
-    /// Goes from the best sequence to those next to it as long as that helps, and to those next to so many others.
-    fn descend(&mut self, mut patience: usize, control: &mut Control) -> Result<()> {
-        while let Some(k) = self.found.iter().position(|f| !f.expanded) {
-            if k > 0 && patience == 0 {
-                break;
-            }
-            let before = self.found[0].rank();
-            self.expand(k, control)?;
-            if self.left == 0 || stop::requested().is_some() {
-                break;
-            }
-            if self.found[0].rank() == before && k > 0 {
-                patience -= 1;
-            }
-        }
-        Ok(())
-    }
-
-    /// Tries sequences of controls drawn at random for a share of the iterations so far: all sequences next to an answer may cost more where
-    /// another one, with transitions elsewhere, costs half of it. True where one is better.
-    fn look_elsewhere(&mut self, control: &mut Control) -> Result<bool> {
-        let Some(best) = self.found.first().filter(|f| self.looks && f.result.is_exact()) else { return Ok(false) };
-        let most = self.spent.iterations + (LOOK_SHARE * self.spent.iterations as f64).ceil() as usize;
-        for (sequence, guess) in look::shots(self.ocp, &self.automaton, &best.result.controls)? {
-            if self.left == 0 || stop::requested().is_some() || self.spent.iterations >= most {
-                break;
-            }
-            if self.attempt(sequence, &guess, control)? {
-                return Ok(true);
-            }
-        }
-        Ok(false)
-    }
-
-    /// Tries the sequences next to one that was found, the nearest first, up to the first one that is better than all.
-    fn expand(&mut self, k: usize, control: &mut Control) -> Result<()> {
-        let f = &mut self.found[k];
-        let (sequence, guess) = (f.sequence.clone(), Guess::of(&f.result));
-        // what is no answer does not say which guards matter
-        let near = f.result.is_exact().then(|| guess::distances(&f.result, self.ocp, &self.automaton));
-        let near = |t: usize, k: usize| near.as_ref().is_none_or(|n: &Vec<Vec<f64>>| n[t][k] <= NEAR);
-        let mut next = self.automaton.neighbours(&sequence, self.ocp.n_stages, &near);
-        next.retain(|s| !self.tried.contains(s));
-        next.sort_by(|a, b| distance(&sequence, &guess, a).total_cmp(&distance(&sequence, &guess, b)));
-        for s in next {
-            if self.left == 0 || stop::requested().is_some() {
-                return Ok(());
-            }
-            let start = guess.for_sequence(&sequence, &s);
-            if self.attempt(s, &start, control)? {
-                return Ok(());
-            }
-        }
-        if let Some(f) = self.found.iter_mut().find(|f| f.sequence == sequence) {
-            f.expanded = true;
-        }
-        Ok(())
-    }
-
-    /// Solves the program of a sequence unless that was done. True if it is better than all others.
-    fn attempt(&mut self, s: Sequence, guess: &Guess, control: &mut Control) -> Result<bool> {
-        let Some(s) = self.automaton.complete(&s) else { return Ok(false) };
-        let over = allowance::is_over() && !self.found.is_empty();
-        if self.left == 0 || over || !self.tried.insert(s.clone()) {
-            return Ok(false);
-        }
-        self.left -= 1;
-        let mut request = self.request;
-        if let Some(best) = self.found.first().filter(|f| f.result.is_exact()) {
-            let solver = &mut request.options.solver;
-            solver.max_iter = solver.max_iter.min(LONGER * best.result.stats.iterations.max(USUAL));
-        }
-        let program = Program::new(self.ocp, &self.automaton, &s, guess, &self.sizes, &request)?;
-        let r = program.solve(&request, control)?;
-        self.spent.add(&r.stats);
-        let found = Found { sequence: s, result: r, expanded: false };
-        let (rank, best) = (found.rank(), self.found.first().map(Found::rank));
-        let better = best.is_none_or(|(none, value)| {
-            let gain = if none { LESS * value } else { GAIN * value.abs() };
-            (rank.0, rank.1) < (none, value - gain) || (none && !rank.0)
-        });
-        let at = self.found.partition_point(|f| f.rank() <= rank);
-        self.found.insert(if better { 0 } else { at.max(usize::from(!self.found.is_empty())) }, found);
-        Ok(better)
-    }
-}
-
-/// How far a sequence is from another one: how far its transitions have to be moved, in stages; those put in or left out count
-/// as one each.
-fn distance(from: &[Passage], guess: &Guess, to: &[Passage]) -> f64 {
-    if from.len() != to.len() {
-        return 1.0 + from.len().abs_diff(to.len()) as f64;
-    }
-    let moved = from.iter().zip(to).zip(&guess.passages).map(|((a, b), t)| {
-        let (start, end) = guess.stage(b.stage);
-        let length = (end - start).max(f64::MIN_POSITIVE);
-        match (a.transition == b.transition, a.stage == b.stage) {
-            (true, true) => 0.0,
-            (true, false) => ((start - t).max(t - end) / length).max(0.0),
-            _ => 1.0,
-        }
-    });
-    moved.sum()
-}
-
 #[cfg(test)]
 mod tests {
+    use std::rc::Rc;
+
+    use super::automaton::Passage;
     use super::*;
     use crate::func::{Callback, Dims};
     use crate::linalg::csc::Pattern;
     use crate::ocp::terms::combination;
+    use crate::search::{Limits, Space};
     use crate::settings::Settings;
     use crate::system::{Direction, SharedFunction, System, Transition};
     use std::sync::Arc;
@@ -507,6 +333,22 @@ mod tests {
         vec![passage(0, on), passage(1, off)]
     }
 
+    /// What the programs of pairs of transitions end at, from the simulation of full speed up to a stage and braking from there.
+    fn programs(o: &Ocp, request: &Request, half: usize, pairs: &[(usize, usize)]) -> Vec<OcpResult> {
+        let mut s = Transitions::new(o, None, request).unwrap();
+        let mut u = vec![5.0; o.n_stages];
+        u[half..].fill(-5.0);
+        let (sequence, guess) = guess::simulate(o, &s.automaton, &mut guess::engine(o).unwrap(), &u).unwrap();
+        let limits = Limits { cost: f64::INFINITY, patience: 100 };
+        let mut one = |&(on, off): &(usize, usize)| {
+            let motion = Rc::new(guess.for_sequence(&sequence, &pair(on, off)));
+            let candidate = search::Candidate { sequence: pair(on, off), motion };
+            let ended = s.solve(&candidate, limits, &mut Budget::new(f64::INFINITY), &mut Control::default());
+            ended.unwrap().remove(0).1.result
+        };
+        pairs.iter().map(&mut one).collect()
+    }
+
     /// Sequences of the reference (9.4 of the thesis) and what they cost.
     #[test]
     fn programs_of_given_sequences() {
@@ -515,13 +357,7 @@ mod tests {
         // the exact values of the others are known to the accuracy of the solver they were computed with
         let known = [(2, 8, 10.22925791133135, 1e-11), (2, 7, 10.253284759, 1e-6), (3, 8, 10.267941772, 1e-6)];
         for (on, off, cost, tol) in known {
-            let mut s = Search::new(&o, &request).unwrap();
-            let mut u = vec![5.0; 10];
-            u[5..].fill(-5.0);
-            let (sequence, guess) = guess::simulate(&o, &s.automaton, &mut guess::engine(&o).unwrap(), &u).unwrap();
-            let start = guess.for_sequence(&sequence, &pair(on, off));
-            s.attempt(pair(on, off), &start, &mut Control::default()).unwrap();
-            let r = &s.found[0].result;
+            let r = programs(&o, &request, 5, &[(on, off)]).remove(0);
             assert!((r.cost - cost).abs() < tol, "{on} {off}: {} {}", r.cost, r.outcome.name());
         }
     }
@@ -536,15 +372,9 @@ mod tests {
             let request = Request::from_settings(&o.settings).unwrap();
             let mut best = f64::INFINITY;
             for half in [3, 4] {
-                let mut s = Search::new(&o, &request).unwrap();
-                let mut u = vec![5.0; 7];
-                u[half..].fill(-5.0);
-                let (sequence, guess) = guess::simulate(&o, &s.automaton, &mut guess::engine(&o).unwrap(), &u).unwrap();
-                for (on, off) in (0..7).flat_map(|on| (on..7).map(move |off| (on, off))) {
-                    let start = guess.for_sequence(&sequence, &pair(on, off));
-                    s.attempt(pair(on, off), &start, &mut Control::default()).unwrap();
-                }
-                best = best.min(s.found[0].result.cost);
+                let all: Vec<(usize, usize)> = (0..7).flat_map(|on| (on..7).map(move |off| (on, off))).collect();
+                let solved = programs(&o, &request, half, &all).into_iter().filter(|r| r.is_exact());
+                best = solved.map(|r| r.cost).fold(best, f64::min);
             }
             // both are known to the tolerance of the solver
             assert!(found.cost <= best * (1.0 + 1e-8), "{data:?}: {} {best}", found.cost);

@@ -635,6 +635,10 @@ class swb_settings(Structure):
         ("ocp_start", c_int64),
         ("portfolio", c_int64),
         ("selection", c_int64),
+        ("search_effort", c_double),
+        ("search_gain", c_double),
+        ("search_samples", c_int64),
+        ("search_seed", c_int64),
     ]
 
 

@@ -737,7 +737,7 @@ pub struct Settings {
     pub accuracy: i64,
     /// Relative and absolute tolerance of the simulation that the option accuracy compares a solution of optimal control with.
     pub accuracy_tol: f64,
-    /// Number of neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
+    /// Mode sequences that a search tries before it ends of itself; 0: as many as its effort says.
     pub mode_search: i64,
     /// Complementarity form of switching terms (enum dcs_form).
     pub dcs_form: i64,
@@ -783,6 +783,14 @@ pub struct Settings {
     pub portfolio: i64,
     /// Velocity of a sliding mode where surfaces meet and their effects multiply. Where the chosen rule has no weights between 0 and 1, an extreme velocity is taken (enum selection).
     pub selection: i64,
+    /// Work of a search after its last gain as a multiple of that until it: more finds better optima, less ends sooner.
+    pub search_effort: f64,
+    /// Share of the cost by which a solution has to be better for a search to go on for it: smaller gains are taken, but not worked for.
+    pub search_gain: f64,
+    /// Random controls that a search draws and simulates at a time; 0: none.
+    pub search_samples: i64,
+    /// Seed of the random controls of a search.
+    pub search_seed: i64,
 }
 
 impl Default for Settings {
@@ -852,6 +860,10 @@ impl Default for Settings {
             ocp_start: 0,
             portfolio: 1,
             selection: 0,
+            search_effort: 1.0,
+            search_gain: 0.001,
+            search_samples: 64,
+            search_seed: 0,
         }
     }
 }
@@ -1420,13 +1432,13 @@ pub static OPTIONS: &[OptionInfo] = &[
     },
     OptionInfo {
         name: "mode_search",
-        group: "control",
+        group: "search",
         kind: Kind::Int,
         default: 0.0,
         min: Closed(0.0),
         max: Closed(1000000.0),
         symbol: "",
-        doc: "Number of neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.",
+        doc: "Mode sequences that a search tries before it ends of itself; 0: as many as its effort says.",
         setup_only: false,
         offset: offset_of!(Settings, mode_search),
         get: |s| s.mode_search as f64,
@@ -1700,7 +1712,7 @@ pub static OPTIONS: &[OptionInfo] = &[
     },
     OptionInfo {
         name: "ocp_start",
-        group: "control",
+        group: "search",
         kind: Kind::Enum(OcpStart::NAMES),
         default: 0.0,
         min: Closed(0.0),
@@ -1739,6 +1751,62 @@ pub static OPTIONS: &[OptionInfo] = &[
         offset: offset_of!(Settings, selection),
         get: |s| s.selection as f64,
         set: |s, v| s.selection = v as i64,
+    },
+    OptionInfo {
+        name: "search_effort",
+        group: "search",
+        kind: Kind::Float,
+        default: 1.0,
+        min: Closed(0.0),
+        max: Closed(1000000.0),
+        symbol: "",
+        doc: "Work of a search after its last gain as a multiple of that until it: more finds better optima, less ends sooner.",
+        setup_only: false,
+        offset: offset_of!(Settings, search_effort),
+        get: |s| s.search_effort,
+        set: |s, v| s.search_effort = v,
+    },
+    OptionInfo {
+        name: "search_gain",
+        group: "search",
+        kind: Kind::Float,
+        default: 0.001,
+        min: Closed(1e-9),
+        max: Open(1.0),
+        symbol: "",
+        doc: "Share of the cost by which a solution has to be better for a search to go on for it: smaller gains are taken, but not worked for.",
+        setup_only: false,
+        offset: offset_of!(Settings, search_gain),
+        get: |s| s.search_gain,
+        set: |s, v| s.search_gain = v,
+    },
+    OptionInfo {
+        name: "search_samples",
+        group: "search",
+        kind: Kind::Int,
+        default: 64.0,
+        min: Closed(0.0),
+        max: Closed(1000000.0),
+        symbol: "",
+        doc: "Random controls that a search draws and simulates at a time; 0: none.",
+        setup_only: false,
+        offset: offset_of!(Settings, search_samples),
+        get: |s| s.search_samples as f64,
+        set: |s, v| s.search_samples = v as i64,
+    },
+    OptionInfo {
+        name: "search_seed",
+        group: "search",
+        kind: Kind::Int,
+        default: 0.0,
+        min: Closed(0.0),
+        max: Closed(2147483647.0),
+        symbol: "",
+        doc: "Seed of the random controls of a search.",
+        setup_only: false,
+        offset: offset_of!(Settings, search_seed),
+        get: |s| s.search_seed as f64,
+        set: |s, v| s.search_seed = v as i64,
     },
 ];
 
