@@ -131,25 +131,32 @@ impl Space for Transitions<'_> {
         budget: &mut Budget,
         _: &mut Control,
     ) -> Result<Vec<Candidate>> {
-        let found = match source {
-            Source::Guess => self.of_last(),
-            Source::Simulation => match self.controls.get(self.simulated).cloned() {
-                Some(controls) => {
-                    self.simulated += 1;
-                    let (sequence, motion) = self.simulate(&controls, budget)?;
-                    vec![Candidate { sequence, motion: Rc::new(motion) }]
+        loop {
+            let found = match source {
+                Source::Guess => self.of_last(),
+                Source::Simulation => match self.controls.get(self.simulated).cloned() {
+                    Some(controls) => {
+                        self.simulated += 1;
+                        let (sequence, motion) = self.simulate(&controls, budget)?;
+                        vec![Candidate { sequence, motion: Rc::new(motion) }]
+                    }
+                    None => Vec::new(),
+                },
+                Source::Samples if self.rounds < ROUNDS => {
+                    self.rounds += 1;
+                    self.samples(best, budget)
                 }
-                None => Vec::new(),
-            },
-            Source::Samples if self.rounds < ROUNDS => {
-                self.rounds += 1;
-                self.samples(best, budget)
+                _ => Vec::new(),
+            };
+            // a source whose next sequences cannot be has not ended
+            let ended = found.is_empty();
+            // the sequence as it is remembered, with what follows of itself
+            let complete = |c: Candidate| Some(Candidate { sequence: self.automaton.complete(&c.sequence)?, ..c });
+            let found: Vec<Candidate> = found.into_iter().filter_map(complete).collect();
+            if ended || !found.is_empty() {
+                return Ok(found);
             }
-            _ => Vec::new(),
-        };
-        // the sequence as it is remembered, with what follows of itself
-        let complete = |c: Candidate| self.automaton.complete(&c.sequence).map(|sequence| Candidate { sequence, ..c });
-        Ok(found.into_iter().filter_map(complete).collect())
+        }
     }
 
     fn solve(
