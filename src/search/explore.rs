@@ -241,12 +241,17 @@ impl<S: Space> Race<'_, S> {
         self.space.rank(&self.nodes[node].0)
     }
 
-    fn best(&self) -> Option<Rank> {
-        self.order.first().map(|k| self.rank(*k))
+    fn best(&self) -> Rank {
+        self.order.first().map_or(Rank::NOTHING, |k| self.rank(*k))
+    }
+
+    /// The best of an arm.
+    fn best_of(&self, k: usize) -> Rank {
+        self.arms[k].best.as_ref().map_or(Rank::NOTHING, |o| self.rank(o.node))
     }
 
     fn is_solved(&self) -> bool {
-        self.best().is_some_and(|b| b.feasible)
+        self.best().feasible
     }
 
     /// Is the best a solution that all local neighbours were compared with?
@@ -270,8 +275,8 @@ impl<S: Space> Race<'_, S> {
 
     /// Is there a solution, and more work not worth it?
     fn is_enough(&self) -> bool {
-        let Some(best) = self.best().filter(|b| b.feasible) else { return false };
-        self.plan.any && best.idle == 0 || self.is_in_vain() && self.is_settled()
+        let best = self.best();
+        best.feasible && (self.plan.any && best.idle == 0 || self.is_in_vain() && self.is_settled())
     }
 
     /// Makes the next step; false where there is none.
@@ -295,19 +300,15 @@ impl<S: Space> Race<'_, S> {
         let Some((k, arm)) = best else { return self.retry(control) };
         let part = if candidates_only { 0 } else { arm.next_part() };
         let (work, before) = (self.budget.spent(), self.best());
-        let own = arm.best.as_ref().map(|o| self.rank(o.node));
+        let own = self.best_of(k);
         let ended = match part {
             0 => self.ask(k, control),
             _ => self.try_neighbour(k, control),
         };
         self.steps += 1;
         let work = self.budget.spent() - work + std::mem::take(&mut self.arms[k].saved);
-        let gains = |now: Option<Rank>, before: Option<Rank>| match (now, before) {
-            (Some(now), Some(before)) => now.gains(&before, self.plan.gain),
-            (now, _) => now.is_some(),
-        };
-        let gained = gains(self.best(), before);
-        let own_gained = gains(self.arms[k].best.as_ref().map(|o| self.rank(o.node)), own);
+        let gained = self.best().gains(&before, self.plan.gain);
+        let own_gained = self.best_of(k).gains(&own, self.plan.gain);
         let arm = &mut self.arms[k];
         arm.steps += 1;
         arm.all.spent += work;
@@ -351,7 +352,7 @@ impl<S: Space> Race<'_, S> {
             (better + 1) as f64 / (tried + 2) as f64
         };
         // what multipliers promise comes first, then what has helped most often; among equals the order of the space
-        let price = |n: &Neighbour<S::Sequence>| n.promise.filter(|p| *p < 0.0).unwrap_or(0.0);
+        let price = |n: &Neighbour<S::Sequence>| n.promise.min(0.0);
         let order = |a: &Neighbour<S::Sequence>, b: &Neighbour<S::Sequence>| {
             price(a).total_cmp(&price(b)).then(rate(b).total_cmp(&rate(a)))
         };
@@ -405,7 +406,7 @@ impl<S: Space> Race<'_, S> {
         known.from.push(source);
         known.arms.push(k);
         let best = self.best();
-        let cost = best.filter(|b| b.feasible && !b.contradicted).map_or(f64::INFINITY, |b| b.cost);
+        let cost = if best.feasible && !best.contradicted { best.cost } else { f64::INFINITY };
         self.candidates += usize::from(source != Source::Neighbours);
         let before = self.budget.spent();
         let ended = self.space.solve(&candidate, Limits { cost, patience }, self.budget, control)?;
@@ -414,11 +415,11 @@ impl<S: Space> Race<'_, S> {
         for (sequence, mut solution) in ended {
             let best = self.best();
             let mut rank = self.space.rank(&solution);
-            if rank.feasible && best.is_none_or(|b| rank.is_better(&b)) {
+            if rank.feasible && rank.is_better(&best) {
                 self.space.verify(&mut solution, self.budget)?;
                 rank = self.space.rank(&solution);
             }
-            if !rank.feasible && source != Source::Retries && !best.is_some_and(|b| b.feasible) {
+            if !rank.feasible && source != Source::Retries && !best.feasible {
                 self.failed.push((rank.violation, k, Candidate { sequence: sequence.clone(), ..candidate.clone() }));
             }
             let node = self.keep(solution, sequence, rank);
@@ -565,7 +566,7 @@ mod tests {
             let other = |k: usize, d: usize| {
                 let mut w = s.0.clone();
                 w[k] = (w[k] + d) % self.letters;
-                Neighbour { sequence: w, promise: None, kind: k, is_local: true }
+                Neighbour { sequence: w, promise: 0.0, kind: k, is_local: true }
             };
             ((0..self.n).flat_map(|k| (1..self.letters).map(move |d| (k, d))).map(|(k, d)| other(k, d)).collect(), ())
         }

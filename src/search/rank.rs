@@ -25,6 +25,16 @@ pub(crate) struct Rank {
 }
 
 impl Rank {
+    /// What is worse than everything that was found.
+    pub const NOTHING: Rank = Rank {
+        feasible: false,
+        contradicted: false,
+        cost: f64::INFINITY,
+        violation: f64::INFINITY,
+        idle: 0,
+        rounding: 0.0,
+    };
+
     fn class(&self) -> u8 {
         match (self.feasible, self.contradicted) {
             (true, false) => 0,

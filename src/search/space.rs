@@ -31,8 +31,8 @@ pub(crate) struct Candidate<S, M> {
 #[derive(Debug, Clone)]
 pub(crate) struct Neighbour<S> {
     pub sequence: S,
-    /// The change of cost that first order promises for a small step towards it, where multipliers say it.
-    pub promise: Option<f64>,
+    /// The change of cost that first order promises for a small step towards it; 0 where multipliers say nothing.
+    pub promise: f64,
     /// Which change it is. Kinds that have led to better solutions come first.
     pub kind: usize,
     /// Has the motion of the solution reached what lies between it and this sequence? A solution whose local neighbours are no better is a local

@@ -203,7 +203,7 @@ impl Space for Transitions<'_> {
         let mut next = self.automaton.neighbours(&s.sequence, self.ocp.n_stages, &near);
         next.sort_by(|a, b| distance(&s.sequence, &motion, a).total_cmp(&distance(&s.sequence, &motion, b)));
         let kind = |n: &Sequence| 1 + n.len().abs_diff(s.sequence.len());
-        let of = |sequence: Sequence| Neighbour { promise: None, kind: kind(&sequence), is_local: true, sequence };
+        let of = |sequence: Sequence| Neighbour { promise: 0.0, kind: kind(&sequence), is_local: true, sequence };
         (next.into_iter().map(of).collect(), Rc::new(motion))
     }
 
