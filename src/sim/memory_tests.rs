@@ -3,10 +3,12 @@
 use std::sync::Arc;
 
 use crate::dcs::Dcs;
+#[cfg(feature = "allocator")]
 use crate::fesd::size::bytes;
 use crate::fesd::{Fesd, Options, Spec};
 use crate::func::{Callback, Dims, Point};
 use crate::memory;
+#[cfg(feature = "allocator")]
 use crate::mpcc::{MpccSettings, MpccSolver};
 use crate::settings::Settings;
 use crate::system::{Regions, Subsystem, System};
