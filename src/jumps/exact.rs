@@ -10,7 +10,8 @@ use super::track::Track;
 use super::transcribe::Transcription;
 use crate::error::Result;
 use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, NoProposals, Solution, Warm};
-use crate::nlp::{Control, IterationInfo, Nlp, Outcome};
+use crate::nlp::{Control, Nlp, Outcome};
+use crate::search::{watched, EarlyTermination, Patience};
 use crate::stop;
 
 /// A program and its solver, with the solution they hold.
@@ -174,6 +175,9 @@ fn kinks(p: &Problem, s: &Sequence, track: &Track, touched: &[Touched]) -> Vec<(
     out
 }
 
+/// Steps that are cut after which a program creeps: a force at its bound in a phase without length leaves rows that say the same twice.
+const CREEPING: usize = 15;
+
 fn run(
     solver: &mut MpccSolver,
     t: &mut Transcription,
@@ -181,172 +185,19 @@ fn run(
     limits: Limits,
     control: &mut Control,
 ) -> (Solution, f64) {
-    let mut ended = false;
-    let mut prospects = Prospects::new(limits, solver.row_tolerance());
-    let stop = control.stop.clone();
-    let user = &mut control.monitor;
-    let mut monitor = |i: &IterationInfo| {
-        ended = !user.as_mut().is_none_or(|f| f(i));
-        !ended && !prospects.are_over(i)
-    };
-    let mut inner = Control { stop: stop.clone(), monitor: Some(&mut monitor) };
+    let patience = Patience { iterations: limits.patience, stationary: 2, cut: CREEPING };
+    let mut watch = EarlyTermination::new(limits.cost, patience, solver.row_tolerance());
     let (start, bounds) = (&t.start, &t.bounds);
-    let mut s = stop.scope_apart(|| {
+    let mut s = watched(&mut watch, control, |inner| {
         match point.filter(|w| w[0].len() == t.program.n() && w[1].len() == t.program.m()) {
-            Some([x, y, z]) => {
-                solver.solve_warm(&mut t.program, bounds, &Warm { x, y, z }, &mut inner, &mut NoProposals)
-            }
-            None if limits.close => solver.solve_close(&mut t.program, bounds, start, &mut inner),
-            None => solver.solve(&mut t.program, bounds, start, &mut inner),
+            Some([x, y, z]) => solver.solve_warm(&mut t.program, bounds, &Warm { x, y, z }, inner, &mut NoProposals),
+            None if limits.close => solver.solve_close(&mut t.program, bounds, start, inner),
+            None => solver.solve(&mut t.program, bounds, start, inner),
         }
         .clone()
     });
-    if ended {
-        stop::raise();
-    } else if prospects.over && s.outcome == Outcome::Stopped {
+    if watch.is_over() && s.outcome == Outcome::Stopped {
         s.outcome = Outcome::MaxIter;
     }
-    (s, prospects.largest)
-}
-
-/// Violation below which patience is this many times as long; below which a program is not given up for it, and its cost says something.
-const CLOSE: f64 = 1e-2;
-const CLOSE_PATIENCE: usize = 3;
-const FEASIBLE: f64 = 1e-4;
-/// Barrier parameter up to which costs are those of the program but for what [`WINDOW`] iterations change.
-const SMALL_BARRIER: f64 = 1e-4;
-/// Iterations over which a cost is watched, and share of what is missing by which it has to fall in them.
-const WINDOW: usize = 4;
-const FALL: f64 = 0.25;
-/// Share of a step from which it counts as a whole one, change of the violation in it, as a share, that counts as none, and for how many
-/// iterations such a step counts: whole steps of Newton's method that leave a violation as it is are at the least there is.
-const WHOLE: f64 = 0.5;
-const SAME: f64 = 0.1;
-const STATIONARY: usize = 2;
-/// Length from which linear rows hold after a step, and share of its last value by which a violation has to fall in it; steps in a row
-/// without that after which the rows of a program with a small barrier contradict each other. What is left of them is then what the
-/// regularisation leaves of rows that cannot hold, and their multipliers grow without end.
-const WHOLE_STEP: f64 = 0.95;
-const FALLS: f64 = 0.02;
-const CONTRADICTED: usize = 5;
-/// Trials of the line search from which a step counts as cut, and such steps, beyond those that were not, after which a program whose constraints nearly
-/// hold creeps: a force at its bound in a phase without length leaves rows that say the same twice.
-const CUT: usize = 3;
-const CREEPING: usize = 15;
-
-/// What can still become of a program.
-struct Prospects {
-    limits: Limits,
-    /// Violation of the rows that a program aims at.
-    tolerance: f64,
-    least: f64,
-    last: f64,
-    since: usize,
-    costs: [f64; WINDOW],
-    seen: usize,
-    /// Steps that were cut, less those that were not.
-    cut: usize,
-    /// Whole steps in a row that have left the violation as it was.
-    stationary: usize,
-    begun: bool,
-    over: bool,
-    /// Largest modulus of the cost.
-    largest: f64,
-}
-
-impl Prospects {
-    fn new(limits: Limits, tolerance: f64) -> Prospects {
-        let costs = [f64::INFINITY; WINDOW];
-        Prospects {
-            limits,
-            tolerance,
-            least: f64::INFINITY,
-            last: f64::INFINITY,
-            since: 0,
-            costs,
-            seen: 0,
-            cut: 0,
-            stationary: 0,
-            begun: false,
-            over: false,
-            largest: 0.0,
-        }
-    }
-
-    fn are_over(&mut self, i: &IterationInfo) -> bool {
-        if i.phase == b'c' {
-            // a linear program of the certificate says nothing of the sequence
-            return false;
-        }
-        if i.phase == b' ' && i.objective.is_finite() {
-            self.largest = self.largest.max(i.objective.abs());
-        }
-        if i.iter == 0 && std::mem::replace(&mut self.begun, true) {
-            // the first point of a restoration has no violation, in a program of its own
-            return self.over;
-        }
-        if i.inf_pr <= 0.5 * self.least {
-            self.least = i.inf_pr;
-            self.since = 0;
-        } else {
-            let stationary = i.alpha_pr > WHOLE && (i.inf_pr - self.last).abs() <= SAME * self.last;
-            self.since += if stationary { STATIONARY } else { 1 };
-        }
-        let idle = i.alpha_pr > WHOLE_STEP && i.inf_pr > self.tolerance && i.mu <= SMALL_BARRIER;
-        let idle = idle && self.last.is_finite() && (i.inf_pr - self.last).abs() <= FALLS * self.last;
-        self.stationary = if idle { self.stationary + 1 } else { 0 };
-        self.last = i.inf_pr;
-        let far = self.since > self.limits.patience && self.least > CLOSE;
-        let near = self.since > CLOSE_PATIENCE * self.limits.patience && self.least > FEASIBLE;
-        self.cut = if i.trials >= CUT && i.inf_pr <= FEASIBLE { self.cut + 1 } else { self.cut.saturating_sub(1) };
-        self.over = far || near || self.cut > CREEPING || self.stationary >= CONTRADICTED || self.is_too_expensive(i);
-        self.over
-    }
-
-    /// Does the cost of a point that meets the constraints stay above the one that has to be met?
-    fn is_too_expensive(&mut self, i: &IterationInfo) -> bool {
-        if i.inf_pr > FEASIBLE || i.mu > SMALL_BARRIER {
-            self.seen = 0;
-            return false;
-        }
-        let before = std::mem::replace(&mut self.costs[self.seen % WINDOW], i.objective);
-        self.seen += 1;
-        let missing = i.objective - self.limits.cost;
-        self.seen > WINDOW && missing > 0.0 && before - i.objective < FALL * missing
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Limits, Prospects, CONTRADICTED};
-    use crate::nlp::IterationInfo;
-
-    /// The iterations after which a program is given up whose violation is `of(k)` at iteration `k`, all of them behind steps of length
-    /// `alpha` and at the barrier parameter `mu`; at most `most`.
-    fn given_up_after(of: impl Fn(usize) -> f64, (alpha, mu): (f64, f64), most: usize) -> usize {
-        let mut p = Prospects::new(Limits::of_patience(1000), 1e-9);
-        let info = |k: usize| IterationInfo {
-            iter: k,
-            inf_pr: of(k),
-            alpha_pr: alpha,
-            mu,
-            trials: 1,
-            phase: b' ',
-            ..Default::default()
-        };
-        (0..most).find(|&k| p.are_over(&info(k))).unwrap_or(most)
-    }
-
-    #[test]
-    fn rows_that_whole_steps_leave_as_they_are_contradict_each_other() {
-        let stays = |_: usize| 1e-7;
-        // the first iteration has no step that could have left it
-        assert_eq!(given_up_after(stays, (1.0, 1e-8), 40), CONTRADICTED);
-        // steps that are cut say nothing, nor do those at a large barrier
-        assert_eq!(given_up_after(stays, (0.9, 1e-8), 40), 40);
-        assert_eq!(given_up_after(stays, (1.0, 1e-2), 40), 40);
-        // a fall by a tenth in every fourth step is a fall, and what is below the tolerance is a solution
-        assert_eq!(given_up_after(|k| 1e-7 * 0.9f64.powi((k / 4) as i32), (1.0, 1e-8), 40), 40);
-        assert_eq!(given_up_after(|_| 1e-10, (1.0, 1e-8), 40), 40);
-    }
+    (s, watch.largest)
 }

@@ -1,7 +1,6 @@
 //! When the program of a sequence is given up: most sequences next to a good one have no solution or a worse one, and only saying so exactly is
 //! expensive.
 
-use super::space::Limits;
 use crate::nlp::{Control, IterationInfo};
 use crate::stop;
 
@@ -22,10 +21,35 @@ const FALL: f64 = 0.25;
 const WHOLE_STEP: f64 = 0.95;
 const FALLS: f64 = 0.02;
 const CONTRADICTED: usize = 5;
+/// Share of a step from which it counts as a whole one, and change of the violation in it, as a share, that counts as none.
+const WHOLE: f64 = 0.5;
+const SAME: f64 = 0.1;
+/// Trials of the line search from which a step counts as cut.
+const CUT: usize = 3;
+
+/// How long a program is worth its iterations.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Patience {
+    /// Iterations without half the violation.
+    pub iterations: usize,
+    /// Iterations that a whole step counts for which leaves the violation as it is: Newton's method is at the least there is then.
+    pub stationary: usize,
+    /// Steps that were cut, less those that were not, after which a program whose constraints nearly hold creeps.
+    pub cut: usize,
+}
+
+impl Patience {
+    /// So many times the usual one.
+    pub fn usual(times: usize) -> Patience {
+        Patience { iterations: PATIENCE.saturating_mul(times), stationary: 1, cut: usize::MAX }
+    }
+}
 
 /// Watches the iterations of a program.
 pub(crate) struct EarlyTermination {
-    limits: Limits,
+    /// A cost that has to be met, infinite where none has.
+    cost: f64,
+    patience: Patience,
     /// Violation of the rows that the program aims at.
     tolerance: f64,
     least: f64,
@@ -35,6 +59,8 @@ pub(crate) struct EarlyTermination {
     seen: usize,
     /// Whole steps in a row that have left the violation as it was.
     stationary: usize,
+    /// Steps that were cut, less those that were not.
+    cut: usize,
     begun: bool,
     over: bool,
     /// Largest modulus of the cost on the way.
@@ -42,10 +68,11 @@ pub(crate) struct EarlyTermination {
 }
 
 impl EarlyTermination {
-    /// For a program whose rows are to be met to `tolerance`.
-    pub fn new(limits: Limits, tolerance: f64) -> EarlyTermination {
+    /// For a program whose rows are to be met to `tolerance`, and whose cost has to come down to `cost`, infinite where any does.
+    pub fn new(cost: f64, patience: Patience, tolerance: f64) -> EarlyTermination {
         EarlyTermination {
-            limits,
+            cost,
+            patience,
             tolerance,
             least: f64::INFINITY,
             last: f64::INFINITY,
@@ -53,6 +80,7 @@ impl EarlyTermination {
             costs: [f64::INFINITY; WINDOW],
             seen: 0,
             stationary: 0,
+            cut: 0,
             begun: false,
             over: false,
             largest: 0.0,
@@ -81,16 +109,18 @@ impl EarlyTermination {
             self.least = i.inf_pr;
             self.since = 0;
         } else {
-            self.since += 1;
+            let stationary = i.alpha_pr > WHOLE && (i.inf_pr - self.last).abs() <= SAME * self.last;
+            self.since += if stationary { self.patience.stationary } else { 1 };
         }
         let idle = i.alpha_pr > WHOLE_STEP && i.inf_pr > self.tolerance && i.mu <= SMALL_BARRIER;
         let idle = idle && self.last.is_finite() && (i.inf_pr - self.last).abs() <= FALLS * self.last;
         self.stationary = if idle { self.stationary + 1 } else { 0 };
         self.last = i.inf_pr;
-        let patience = PATIENCE.saturating_mul(self.limits.patience);
-        let far = self.since > patience && self.least > CLOSE;
-        let near = self.since > CLOSE_PATIENCE.saturating_mul(patience) && self.least > FEASIBLE;
-        self.over = far || near || self.stationary >= CONTRADICTED || self.is_too_expensive(i);
+        let Patience { iterations, cut, .. } = self.patience;
+        let far = self.since > iterations && self.least > CLOSE;
+        let near = self.since > CLOSE_PATIENCE.saturating_mul(iterations) && self.least > FEASIBLE;
+        self.cut = if i.trials >= CUT && i.inf_pr <= FEASIBLE { self.cut + 1 } else { self.cut.saturating_sub(1) };
+        self.over = far || near || self.cut > cut || self.stationary >= CONTRADICTED || self.is_too_expensive(i);
         self.over
     }
 
@@ -102,7 +132,7 @@ impl EarlyTermination {
         }
         let before = std::mem::replace(&mut self.costs[self.seen % WINDOW], i.objective);
         self.seen += 1;
-        let missing = i.objective - self.limits.cost;
+        let missing = i.objective - self.cost;
         self.seen > WINDOW && missing > 0.0 && before - i.objective < FALL * missing
     }
 }
@@ -132,12 +162,14 @@ pub(crate) fn watched<R>(
 mod tests {
     use super::*;
 
-    const LIMITS: Limits = Limits { cost: f64::INFINITY, patience: 100 };
+    fn patient(cost: f64) -> EarlyTermination {
+        EarlyTermination::new(cost, Patience { iterations: 1000, stationary: 2, cut: 15 }, 1e-9)
+    }
 
     /// The iterations after which a program is given up whose violation is `of(k)` at iteration `k`, all of them behind steps of length
     /// `alpha` and at the barrier parameter `mu`; at most `most`.
     fn given_up_after(of: impl Fn(usize) -> f64, (alpha, mu): (f64, f64), most: usize) -> usize {
-        let mut p = EarlyTermination::new(LIMITS, 1e-9);
+        let mut p = patient(f64::INFINITY);
         let info = |k: usize| IterationInfo {
             iter: k,
             inf_pr: of(k),
@@ -165,7 +197,7 @@ mod tests {
 
     #[test]
     fn what_stays_expensive_is_given_up() {
-        let mut p = EarlyTermination::new(Limits { cost: 1.0, ..LIMITS }, 1e-9);
+        let mut p = patient(1.0);
         let info = |k: usize, objective: f64| IterationInfo {
             iter: k,
             mu: 1e-6,
@@ -174,7 +206,7 @@ mod tests {
             ..Default::default()
         };
         assert_eq!((0..40).find(|&k| p.should_stop(&info(k, 2.0))), Some(WINDOW));
-        let mut p = EarlyTermination::new(Limits { cost: 1.0, ..LIMITS }, 1e-9);
+        let mut p = patient(1.0);
         assert_eq!((0..40).find(|&k| p.should_stop(&info(k, 1.0 + 0.7f64.powi(k as i32)))), None);
     }
 }

@@ -39,8 +39,6 @@ pub(crate) struct Plan {
     pub least_tried: usize,
     /// Does any solution do? Without costs all are as good.
     pub any: bool,
-    /// Solutions that keep what they are solved with, the best first.
-    pub kept: usize,
 }
 
 /// Why a search has ended.
@@ -115,8 +113,6 @@ struct Arm<S: Space> {
     /// Of every kind of neighbour: how often it was better than what it was next to, and how often it was tried.
     kinds: BTreeMap<usize, [usize; 2]>,
     best: Option<Own<S>>,
-    /// Work that others have done for it.
-    saved: f64,
 }
 
 impl<S: Space> Arm<S> {
@@ -190,7 +186,6 @@ pub(crate) fn explore<S: Space>(
         steps: 0,
         kinds: BTreeMap::new(),
         best: None,
-        saved: 0.0,
     };
     let mut race = Race {
         arms: plan.sources.iter().map(arm).collect(),
@@ -286,16 +281,7 @@ impl<S: Space> Race<'_, S> {
         let candidates_only = !self.is_solved() && self.is_in_vain();
         let has_step = |a: &Arm<S>| a.has_candidate() || a.has_neighbour() && !candidates_only;
         let left = self.arms.iter().enumerate().filter(|(_, a)| has_step(a));
-        // a proposal takes what it takes, however little the source has had
-        let step = |a: &Arm<S>| {
-            let proposes = a.queue.is_empty() && !a.has_neighbour();
-            if proposes {
-                self.space.price(a.source).max(usual)
-            } else {
-                usual
-            }
-        };
-        let prospect = |a: &Arm<S>| a.all.prospect(step(a));
+        let prospect = |a: &Arm<S>| a.all.prospect(usual);
         let best = left.min_by(|(i, a), (j, b)| prospect(b).total_cmp(&prospect(a)).then(i.cmp(j)));
         let Some((k, arm)) = best else { return self.retry(control) };
         let part = if candidates_only { 0 } else { arm.next_part() };
@@ -306,7 +292,7 @@ impl<S: Space> Race<'_, S> {
             _ => self.try_neighbour(k, control),
         };
         self.steps += 1;
-        let work = self.budget.spent() - work + std::mem::take(&mut self.arms[k].saved);
+        let work = self.budget.spent() - work + *ended.as_ref().unwrap_or(&0.0);
         let gained = self.best().gains(&before, self.plan.gain);
         let own_gained = self.best_of(k).gains(&own, self.plan.gain);
         let arm = &mut self.arms[k];
@@ -322,11 +308,11 @@ impl<S: Space> Race<'_, S> {
         if gained {
             self.gained_at = (self.budget.spent(), self.candidates);
         }
-        ended.map(|()| true)
+        ended.map(|_| true)
     }
 
-    /// The next candidate of a source, or its next proposal where it has none left.
-    fn ask(&mut self, k: usize, control: &mut Control) -> Result<()> {
+    /// The next candidate of a source, or its next proposal where it has none left; what others have done of its work.
+    fn ask(&mut self, k: usize, control: &mut Control) -> Result<f64> {
         let source = self.arms[k].source;
         if let Some(candidate) = self.arms[k].queue.pop_front() {
             return self.attempt(k, candidate, (source, 1), control);
@@ -335,13 +321,13 @@ impl<S: Space> Race<'_, S> {
         let found = self.space.propose(source, best, self.budget, control)?;
         self.arms[k].ended = found.is_empty();
         self.arms[k].queue = found.into();
-        Ok(())
+        Ok(0.0)
     }
 
-    /// The most promising neighbour of the best that a source has found.
-    fn try_neighbour(&mut self, k: usize, control: &mut Control) -> Result<()> {
+    /// The most promising neighbour of the best that a source has found; what others have done of its work.
+    fn try_neighbour(&mut self, k: usize, control: &mut Control) -> Result<f64> {
         let (space, nodes) = (&*self.space, &self.nodes);
-        let Arm { best: Some(own), kinds, .. } = &mut self.arms[k] else { return Ok(()) };
+        let Arm { best: Some(own), kinds, .. } = &mut self.arms[k] else { return Ok(0.0) };
         let rank = space.rank(&nodes[own.node].0);
         let next = own.next.get_or_insert_with(|| {
             let (left, motion) = space.neighbours(&nodes[own.node].0);
@@ -357,18 +343,18 @@ impl<S: Space> Race<'_, S> {
             price(a).total_cmp(&price(b)).then(rate(b).total_cmp(&rate(a)))
         };
         let first = next.left.iter().enumerate().min_by(|(i, a), (j, b)| order(a, b).then(i.cmp(j))).map(|f| f.0);
-        let Some(first) = first else { return Ok(()) };
+        let Some(first) = first else { return Ok(0.0) };
         let Neighbour { sequence, kind, .. } = next.left.remove(first);
         let motion = space.moved(&nodes[own.node].0, &next.motion, &sequence);
         let candidate = Candidate { sequence: sequence.clone(), motion };
-        self.attempt(k, candidate, (Source::Neighbours, 1), control)?;
+        let saved = self.attempt(k, candidate, (Source::Neighbours, 1), control)?;
         if let Some(node) = self.tried.get(&sequence).and_then(|t| t.node) {
             let better = self.rank(node).is_better(&rank);
             let count = self.arms[k].kinds.entry(kind).or_default();
             count[1] += 1;
             count[0] += usize::from(better);
         }
-        Ok(())
+        Ok(saved)
     }
 
     /// Where nothing has a solution: what came closest of every source, the closest first, with more patience. False where none is left.
@@ -384,14 +370,14 @@ impl<S: Space> Race<'_, S> {
     }
 
     /// Solves for a candidate of an arm. A sequence without a solution is tried again from the motion of another source, which may be nearer to one; next
-    /// to solutions every sequence is tried once. What is known already is the arm's as well.
+    /// to solutions every sequence is tried once. What is known already is the arm's as well; the work that others have done for it.
     fn attempt(
         &mut self,
         k: usize,
         candidate: Candidate<S::Sequence, S::Motion>,
         (source, patience): (Source, usize),
         control: &mut Control,
-    ) -> Result<()> {
+    ) -> Result<f64> {
         let known = self.tried.entry(candidate.sequence.clone()).or_default();
         let is_solved = known.node.is_some_and(|n| self.space.rank(&self.nodes[n].0).feasible);
         let again = !known.from.is_empty() && source == Source::Neighbours;
@@ -400,8 +386,7 @@ impl<S: Space> Race<'_, S> {
             let (node, work) = (known.node, if known.arms.contains(&k) { 0.0 } else { known.work });
             known.arms.push(k);
             node.into_iter().for_each(|node| self.own(k, node));
-            self.arms[k].saved = work;
-            return Ok(());
+            return Ok(work);
         }
         known.from.push(source);
         known.arms.push(k);
@@ -425,7 +410,7 @@ impl<S: Space> Race<'_, S> {
             let node = self.keep(solution, sequence, rank);
             self.own(k, node);
         }
-        Ok(())
+        Ok(0.0)
     }
 
     /// Keeps what was found in the order of ranks, of one sequence what is better; its number.
@@ -451,9 +436,6 @@ impl<S: Space> Race<'_, S> {
         self.tried.entry(sequence).or_default().node = Some(node);
         let at = self.order.partition_point(|k| !rank.is_better(&self.rank(*k)));
         self.order.insert(at, node);
-        if let Some(k) = self.order.get(self.plan.kept.max(at)) {
-            self.space.thin(&mut self.nodes[*k].0);
-        }
         node
     }
 
@@ -570,14 +552,12 @@ mod tests {
             };
             ((0..self.n).flat_map(|k| (1..self.letters).map(move |d| (k, d))).map(|(k, d)| other(k, d)).collect(), ())
         }
-
-        fn thin(&self, _: &mut Self::Solution) {}
     }
 
     const ALL: [Source; 3] = [Source::Guess, Source::Simulation, Source::Samples];
 
     fn plan(sources: &[Source]) -> Plan {
-        Plan { sources: sources.to_vec(), effort: 1.0, gain: 1e-3, least_tried: 0, any: false, kept: 3 }
+        Plan { sources: sources.to_vec(), effort: 1.0, gain: 1e-3, least_tried: 0, any: false }
     }
 
     fn run(seed: u64, plan: &Plan, most: f64) -> (f64, f64, Found<(Word, f64, bool), Word>) {

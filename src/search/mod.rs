@@ -13,7 +13,7 @@ mod sample;
 mod space;
 
 pub(crate) use budget::Budget;
-pub(crate) use early_termination::{watched, EarlyTermination};
+pub(crate) use early_termination::{watched, EarlyTermination, Patience};
 pub(crate) use explore::{explore, Ended, Found, Plan};
 pub(crate) use rank::Rank;
 pub(crate) use sample::Sampler;

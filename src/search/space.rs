@@ -99,12 +99,4 @@ pub(crate) trait Space {
     fn moved(&self, _from: &Self::Solution, motion: &Self::Motion, _to: &Self::Sequence) -> Self::Motion {
         motion.clone()
     }
-
-    /// Work that the next proposal of a source takes, as far as that is known before.
-    fn price(&self, _source: Source) -> f64 {
-        0.0
-    }
-
-    /// Frees what only the best few solutions need.
-    fn thin(&self, s: &mut Self::Solution);
 }

@@ -134,7 +134,6 @@ impl Ocp {
             gain: self.settings.search_gain,
             least_tried: request.search,
             any: self.is_determined(),
-            kept: 1,
         };
         if last.is_some() {
             // an answer that is known to be good is improved, and that is all

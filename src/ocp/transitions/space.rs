@@ -13,7 +13,9 @@ use crate::jumps::spread::misses;
 use crate::nlp::{Control, Outcome};
 use crate::ocp::request::Request;
 use crate::ocp::{JumpMade, Ocp, OcpResult};
-use crate::search::{self, watched, Budget, EarlyTermination, Limits, Neighbour, Rank, Sampler, Source, Space};
+use crate::search::{
+    self, watched, Budget, EarlyTermination, Limits, Neighbour, Patience, Rank, Sampler, Source, Space,
+};
 use crate::stop;
 
 /// A guard that stays further away from zero than this share of its range is not made to pass it: small changes of the controls do not take it there.
@@ -167,7 +169,8 @@ impl Space for Transitions<'_> {
         control: &mut Control,
     ) -> Result<Vec<(Sequence, Ended)>> {
         let program = Program::new(self.ocp, &self.automaton, &c.sequence, &c.motion, &self.sizes, &self.request)?;
-        let mut watch = EarlyTermination::new(limits, self.request.options.solver.tol);
+        let mut watch =
+            EarlyTermination::new(limits.cost, Patience::usual(limits.patience), self.request.options.solver.tol);
         let solved = watched(&mut watch, control, |control| program.solve(&self.request, control));
         let mut result = solved?;
         if watch.is_over() && result.outcome == Outcome::Stopped {
@@ -210,8 +213,6 @@ impl Space for Transitions<'_> {
     fn moved(&self, from: &Ended, motion: &Rc<Guess>, to: &Sequence) -> Rc<Guess> {
         Rc::new(motion.for_sequence(&from.sequence, to))
     }
-
-    fn thin(&self, _: &mut Ended) {}
 }
 
 /// What a control is drawn from.
