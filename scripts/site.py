@@ -110,6 +110,7 @@ NAVIGATION = """
       - Finite elements: dev/algorithms/fesd.md
       - Interior point: dev/algorithms/interior_point.md
       - Complementarity constraints: dev/algorithms/mpcc.md
+      - The search for a sequence: dev/algorithms/search.md
       - Mode sequences: dev/algorithms/mode_search.md
       - Transitions: dev/algorithms/transitions.md
       - Contacts in optimal control: dev/algorithms/contact_search.md
