@@ -2019,6 +2019,10 @@ enum swb_verdict
      * Some change lowers the cost to first order.
      */
     SWB_VERDICT_NOT_OPTIMAL = 3,
+    /**
+     * An exact search over all choices (swb_system_add_choice) found no answer that costs less by more than the gap of swb_optimality.
+     */
+    SWB_VERDICT_GLOBAL = 4,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -2449,6 +2453,10 @@ typedef struct swb_settings {
      * Seed of the random controls of a search.
      */
     int64_t search_seed;
+    /**
+     * Work of an exact search over choices at most, in variables of a program times iterations, or states times steps of simulations; 0: none.
+     */
+    double search_exact;
 } swb_settings;
 
 /**
@@ -3783,6 +3791,10 @@ typedef struct swb_optimality {
      * what single terms of cost and constraints change; NaN where it is not known. Up to 1e-4 counts as none.
      */
     double residual;
+    /**
+     * Largest share of the cost by which an answer with other choices may be cheaper; NaN where that is not known.
+     */
+    double gap;
 } swb_optimality;
 
 /**
@@ -4967,6 +4979,43 @@ swb_status swb_model_write_c(const struct swb_model *model,
  * Free; systems made of the model stay. NULL is allowed.
  */
 SWB_API void swb_model_free(struct swb_model *model);
+
+/**
+ * Say that a control chooses among values: on or off, a gear, a number of machines. Optimal control problems made of the system later search the
+ * best choice of every control stage; simulations take any value.
+ *
+ * @param[in]  control from 0
+ * @param[in]  values  [n] in any order
+ * @param[in]  dwell   time for which a value holds at least once it was chosen, 0 for none. The value at the start of a horizon may be left at any
+ *                     time, and the end of the horizon may cut the last one short.
+ * @param[out] index   number of the choice; may be NULL
+ * @return SWB_OK; SWB_ERR_RANGE for a control that does not exist or chooses already, for values that are not finite, repeat or are none,
+ *         and for a dwell time that is negative or not finite
+ */
+SWB_API
+swb_status swb_system_add_choice(struct swb_system *system,
+                                 int64_t control,
+                                 const double *values,
+                                 int64_t n,
+                                 double dwell,
+                                 int64_t *index);
+
+/**
+ * Say that a control of a model, and thereby of all systems made of it later, chooses among values; see swb_system_add_choice.
+ *
+ * @param[in]  control from 0
+ * @param[in]  values  [n] in any order
+ * @param[in]  dwell   time for which a value holds at least once it was chosen, 0 for none
+ * @param[out] index   number of the choice; may be NULL
+ * @return as swb_system_add_choice
+ */
+SWB_API
+swb_status swb_model_add_choice(struct swb_model *model,
+                                int64_t control,
+                                const double *values,
+                                int64_t n,
+                                double dwell,
+                                int64_t *index);
 
 /**
  * Numbers of a trajectory.

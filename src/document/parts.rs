@@ -12,7 +12,7 @@ use crate::memory::sizes::check as sizes;
 use crate::model::{SavedDirection, SavedValue};
 use crate::ocp::Linear;
 use crate::settings::{Settings, Value, OPTIONS};
-use crate::system::{Inclusion, Regions, Reset, SetValued, SharedFunction, Subsystem, System, Transition};
+use crate::system::{Choice, Inclusion, Regions, Reset, SetValued, SharedFunction, Subsystem, System, Transition};
 
 /// Numbers of which some may be infinite, which JSON writes as text.
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -161,6 +161,8 @@ pub(super) struct SavedSystem {
     algebraic_equations: Option<SavedFunction>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     transitions: Vec<SavedTransition>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    choices: Vec<Choice>,
 }
 
 #[derive(Clone, Serialize, Deserialize)]
@@ -247,6 +249,7 @@ impl SavedSystem {
             algebraic: system.n_algebraic(),
             algebraic_equations: system.algebraic().map(SavedFunction::new).transpose()?,
             transitions: system.transitions().iter().map(transition).collect::<Result<_>>()?,
+            choices: system.choices().to_vec(),
         })
     }
 
@@ -285,6 +288,9 @@ impl SavedSystem {
                 },
                 to: SavedValue::values(&t.to),
             })?;
+        }
+        for c in &self.choices {
+            system.add_choice(c.control, &c.values, c.dwell)?;
         }
         Ok(system)
     }

@@ -305,6 +305,9 @@ impl Function for ExprFunction {
         self.value.bounds(low, high, out_low, out_high, work);
         true
     }
+    fn hessian_is_constant(&self) -> bool {
+        !self.first_order && self.hessian.reads_parameters_only()
+    }
     fn as_any(&self) -> Option<&dyn std::any::Any> {
         Some(self)
     }

@@ -123,6 +123,10 @@ pub struct Tape {
     n_slots: usize,
 }
 
+/// Blocks of inputs, as [`Load`] numbers them.
+const PARAMETERS: u32 = 2;
+const WEIGHTS: u32 = 4;
+
 /// Bytes that compiling takes for every node of the graph, about.
 const WORK: u128 = 64;
 
@@ -168,6 +172,11 @@ impl Tape {
             Compound::Call { f, .. } => Some(f),
             _ => None,
         })
+    }
+
+    /// Is the result the same at all states, controls and times?
+    pub(super) fn reads_parameters_only(&self) -> bool {
+        self.functions().next().is_none() && self.loads.iter().all(|l| l.block == PARAMETERS || l.block == WEIGHTS)
     }
 
     /// Does an external function give its Jacobian, or its Hessian, by finite differences?
@@ -557,9 +566,9 @@ impl Compiler<'_> {
         let (number, size, first, name) = match block {
             Block::X => (0, d.x, 0, "x"),
             Block::U => (1, d.u, d.x, "u"),
-            Block::P => (2, d.p, d.x + d.u, "p"),
+            Block::P => (PARAMETERS, d.p, d.x + d.u, "p"),
             Block::T => (3, 1, d.t_col(), "t"),
-            Block::Weight => (4, self.tape.n_weights, d.n_in(), "weights"),
+            Block::Weight => (WEIGHTS, self.tape.n_weights, d.n_in(), "weights"),
         };
         if index < size {
             self.tape.loads.push(Load { block: number, index: index as u32, flat: (first + index) as u32 });

@@ -35,7 +35,7 @@ use num_traits::{ToPrimitive, Zero};
 use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id, Node, Tape};
 use crate::func::{Dims, Function, Point};
-use crate::system::{moving, Regions, SharedFunction, Subsystem, System};
+use crate::system::{moving, Choice, Regions, SharedFunction, Subsystem, System};
 use bounds::Bounds;
 use cells::{cells, Cells, Row};
 use certificate::Conflict;
@@ -108,6 +108,7 @@ pub struct Model {
     discrete: Vec<f64>,
     value_names: Vec<Vec<String>>,
     transitions: Vec<Transition>,
+    choices: Vec<Choice>,
 }
 
 /// What a model became.
@@ -161,6 +162,7 @@ impl Model {
             discrete: Vec::new(),
             value_names: Vec::new(),
             transitions: Vec::new(),
+            choices: Vec::new(),
         })
     }
 
@@ -242,6 +244,9 @@ impl Model {
         }
         for t in &self.transitions {
             built.add_transition(dag, t.clone())?;
+        }
+        for c in &self.choices {
+            built.add_choice(c.control, &c.values, c.dwell)?;
         }
         Ok(built)
     }
@@ -565,6 +570,7 @@ impl Builder<'_> {
             discrete: Vec::new(),
             value_names: Vec::new(),
             transitions: Vec::new(),
+            choices: Vec::new(),
             notes: std::mem::take(&mut self.notes),
         }
     }

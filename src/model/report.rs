@@ -149,6 +149,8 @@ pub struct Report {
     pub value_names: Vec<Vec<String>>,
     /// The transitions in words.
     pub transitions: Vec<String>,
+    /// The choices in words.
+    pub choices: Vec<String>,
     /// Remarks.
     pub notes: Vec<Note>,
 }
@@ -216,7 +218,7 @@ impl Report {
         format!(
             "{{\"name\":{},\"states\":{},\"controls\":{},\"parameters\":{},\"clock\":{},\"smooth\":{},\
              \"switching_functions\":{},\"regions\":{},\"algebraic\":{},\"pairs\":{},\"groups\":[{}],\
-             \"discrete\":{},\"value_names\":[{}],\"transitions\":{},\"notes\":[{}]}}",
+             \"discrete\":{},\"value_names\":[{}],\"transitions\":{},\"choices\":{},\"notes\":[{}]}}",
             quoted(&self.name),
             self.n_states,
             self.n_controls,
@@ -231,6 +233,7 @@ impl Report {
             list(&self.discrete),
             self.value_names.iter().map(|names| list(names)).collect::<Vec<_>>().join(","),
             list(&self.transitions),
+            list(&self.choices),
             notes.join(",")
         )
     }
@@ -304,6 +307,9 @@ impl fmt::Display for Report {
         }
         for (k, t) in self.transitions.iter().enumerate() {
             writeln!(f, "  transition {k}: {t}")?;
+        }
+        for c in &self.choices {
+            writeln!(f, "  choice: {c}")?;
         }
         for n in &self.notes {
             writeln!(f, "  {}: {}", n.kind.name(), n.text)?;

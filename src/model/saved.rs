@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::expr::{Dag, Id, SavedGraph};
 use crate::func::Function;
 use crate::memory::sizes;
-use crate::system::Direction;
+use crate::system::{Choice, Direction};
 use std::sync::Arc;
 
 /// Name, sizes and derivatives of a model; there are as many states as derivatives.
@@ -30,6 +30,8 @@ pub struct SavedModel {
     value_names: Vec<Vec<String>>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     transitions: Vec<SavedTransition>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    choices: Vec<Choice>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -159,6 +161,7 @@ impl SavedModel {
             discrete: Vec::new(),
             value_names: Vec::new(),
             transitions: Vec::new(),
+            choices: Vec::new(),
         })
     }
 
@@ -175,6 +178,11 @@ impl SavedModel {
 
     pub(super) fn add_transition(&mut self, dag: &Dag, t: &Transition) -> Result<()> {
         self.transitions.push(SavedTransition::new(dag, t)?);
+        Ok(())
+    }
+
+    pub(super) fn add_choice(&mut self, c: &Choice) -> Result<()> {
+        self.choices.push(c.clone());
         Ok(())
     }
 
@@ -203,6 +211,9 @@ impl SavedModel {
         sizes::entries("the resets", &[self.transitions.iter().filter(|t| !t.reset.is_empty()).count(), model.dims.x])?;
         for (k, t) in self.transitions.iter().enumerate() {
             model.add_transition(t.restore(dag, supplied).map_err(|e| at_transition(k, e))?);
+        }
+        for c in &self.choices {
+            model.add_choice(c.control, &c.values, c.dwell);
         }
         Ok(model)
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{Built, Model};
 use crate::error::{finite, Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, Id};
-use crate::system::{Direction, Reset, Transition as Made};
+use crate::system::{Choice, Direction, Reset, Transition as Made};
 
 /// A jump of the state where a guard passes zero, see [`crate::system::Transition`]; guard and reset are expressions.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,6 +58,11 @@ impl Model {
     /// The transitions in the order they were added.
     pub fn transitions(&self) -> &[Transition] {
         &self.transitions
+    }
+
+    /// Says that a control chooses among values; what is wrong with it is said when the model is built. See [`crate::system::System::add_choice`].
+    pub fn add_choice(&mut self, control: usize, values: &[f64], dwell: f64) {
+        self.choices.push(Choice { control, values: values.to_vec(), dwell });
     }
 }
 
@@ -143,6 +148,24 @@ impl Built {
     /// Names of the values of every discrete state; none where they have no names.
     pub fn value_names(&self) -> &[Vec<String>] {
         &self.value_names
+    }
+
+    /// Says that a control chooses among values, and returns the number of the choice.
+    ///
+    /// # Errors
+    /// Those of [`crate::system::System::add_choice`].
+    pub fn add_choice(&mut self, control: usize, values: &[f64], dwell: f64) -> Result<usize> {
+        let k = self.system.add_choice(control, values, dwell)?;
+        let choice = self.system.choices()[k].clone();
+        self.report.choices.push(self.choice_text(&choice));
+        self.change_source(|saved| saved.add_choice(&choice));
+        Ok(k)
+    }
+
+    fn choice_text(&self, c: &Choice) -> String {
+        let values: Vec<String> = c.values.iter().map(f64::to_string).collect();
+        let held = if c.dwell > 0.0 { format!(", each held for {} at least", c.dwell) } else { String::new() };
+        format!("{} is one of {}{held}", self.names.of(Block::U, c.control), values.join(", "))
     }
 
     /// Adds a transition with expressions of the graph the model was built from, and returns its index.

@@ -387,7 +387,7 @@ impl Replay {
         }
     }
 
-    fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
+    pub(super) fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
         match &mut self.method {
             Method::Events(e) => e.reinit(t, x),
             Method::Projected(e) => {
@@ -402,7 +402,7 @@ impl Replay {
     }
 
     /// Simulates a control stage that ends at `t`.
-    fn advance(&mut self, t: f64, u: &[f64], p: &[f64]) -> Result<Outcome> {
+    pub(super) fn advance(&mut self, t: f64, u: &[f64], p: &[f64]) -> Result<Outcome> {
         match &mut self.method {
             Method::Events(e) => {
                 e.set_params(p)?;
@@ -550,11 +550,21 @@ impl Replay {
         Ok(Some(found))
     }
 
-    fn state(&self) -> &[f64] {
+    /// Cost so far, controls that are states, states.
+    pub(super) fn state(&self) -> &[f64] {
         match &self.method {
             Method::Events(e) => e.state(),
             Method::Projected(e) => &e.reached,
             Method::Elements(e) => e.simulator.state(),
+        }
+    }
+
+    /// Steps since the last start; one for what counts none.
+    pub(super) fn steps(&self) -> usize {
+        match &self.method {
+            Method::Events(e) => e.stats().steps,
+            Method::Projected(e) => e.engine.stats().steps,
+            Method::Elements(_) => STEPS,
         }
     }
 
@@ -666,7 +676,7 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
     Ok(found)
 }
 
-fn values(f: &SharedFunction, at: &Point) -> Vec<f64> {
+pub(super) fn values(f: &SharedFunction, at: &Point) -> Vec<f64> {
     let mut out = vec![f64::NAN; f.n_out()];
     if f.value(at, &mut out, &mut vec![0.0; f.work_len()]).is_err() {
         out.fill(f64::NAN);

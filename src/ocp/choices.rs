@@ -38,7 +38,9 @@ impl Ocp {
         if r.outcome != Outcome::Solved {
             return Ok(None);
         }
-        let free: Vec<bool> = self.u_bounds[0].iter().zip(&self.u_bounds[1]).map(|(l, u)| l < u).collect();
+        let declared = |j: usize| self.system.choices().iter().any(|c| c.control == j);
+        let bounds = self.u_bounds[0].iter().zip(&self.u_bounds[1]).enumerate();
+        let free: Vec<bool> = bounds.map(|(j, (l, u))| l < u && !declared(j)).collect();
         let sees = |f: &SharedFunction, row: usize, columns: std::ops::Range<usize>| {
             columns.into_iter().any(|c| f.jac_pattern().rows(c).contains(&row))
         };

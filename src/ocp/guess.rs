@@ -184,6 +184,9 @@ impl Ocp {
         if let Some(u) = &self.u_guess {
             return u.clone();
         }
+        if let Some(chosen) = &self.chosen {
+            return middles(chosen);
+        }
         let one: Vec<f64> = middles(&self.u_bounds);
         one.repeat(self.n_stages)
     }

@@ -23,6 +23,7 @@ mod diagnosis;
 mod extend;
 mod guess;
 mod identify;
+mod integer;
 mod joint;
 mod modes;
 mod moves;
@@ -202,6 +203,8 @@ pub struct Ocp {
     x_bounds: [Vec<f64>; 2],
     x0_bounds: [Vec<f64>; 2],
     u_bounds: [Vec<f64>; 2],
+    /// Bounds of the controls in every stage `[n_stages · nu]`, where choices are made or narrowed.
+    chosen: Option<[Vec<f64>; 2]>,
     /// Bounds of the parameters that are variables.
     p_bounds: Option<[Vec<f64>; 2]>,
     nominal: Nominal,
@@ -274,6 +277,7 @@ impl Ocp {
             x_bounds: free(d.x),
             x0_bounds: free(d.x),
             u_bounds: free(d.u),
+            chosen: None,
             p_bounds: None,
             nominal: Nominal::default(),
             params: vec![f64::NAN; d.p],

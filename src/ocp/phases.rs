@@ -69,6 +69,7 @@ impl MultiPhase {
         };
         for p in &phases {
             p.system.check_without_transitions("a problem of several phases")?;
+            p.system.check_without_choices("a problem of several phases")?;
         }
         let settings = first.settings;
         let links = (1..phases.len()).map(|_| Vec::new()).collect();

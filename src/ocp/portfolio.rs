@@ -653,7 +653,10 @@ impl Ocp {
 
     /// Controls moved along a direction within their bounds.
     fn moved(&self, controls: &[f64], direction: &[f64], step: f64) -> Vec<f64> {
-        let bounds = self.u_bounds[0].iter().zip(&self.u_bounds[1]).cycle();
+        let bounds = (0..self.n_stages).flat_map(|k| {
+            let [lower, upper] = self.control_bounds(k);
+            lower.iter().zip(upper)
+        });
         let moved = controls.iter().zip(direction).zip(bounds);
         moved.map(|((u, d), (l, h))| (u + step * d).clamp(*l, *h)).collect()
     }

@@ -68,8 +68,9 @@ impl Ocp {
         r.params = self.params_from(r);
         r.durations = self.durations_from(&r.durations);
         let nu = self.system.dims().u.max(1);
-        let [lower, upper] = &self.u_bounds;
-        for u in r.controls.chunks_exact_mut(nu).chain(r.control_ends.chunks_exact_mut(nu)) {
+        let n = self.n_stages;
+        for (i, u) in r.controls.chunks_exact_mut(nu).chain(r.control_ends.chunks_exact_mut(nu)).enumerate() {
+            let [lower, upper] = self.control_bounds(i % n);
             u.iter_mut().zip(lower.iter().zip(upper)).for_each(|(u, (l, h))| *u = u.clamp(*l, *h));
         }
     }

@@ -250,6 +250,10 @@ impl Ocp {
         // what was built is gone where this unwinds, and is built again by the next solve
         memory::bounded(self.settings.max_memory, || {
             bounded(&request, control, |control| {
+                if !self.system.choices().is_empty() {
+                    return self.solve_choices(start, &request, control);
+                }
+                self.chosen = None;
                 if self.has_transitions() {
                     return self.solve_transitions(start, &request, control).map(|_| ());
                 }
@@ -561,9 +565,10 @@ impl Ocp {
         problem.bound_states(bounds, &self.x_bounds[0], &self.x_bounds[1]);
         problem.bound_initial(bounds, &self.x0_bounds[0], &self.x0_bounds[1], self.t0);
         let more = wide.u - self.u_bounds[0].len();
-        let lower = [&self.u_bounds[0][..], &vec![0.0; more]].concat();
-        let upper = [&self.u_bounds[1][..], &vec![f64::INFINITY; more]].concat();
         for k in 0..self.n_stages {
+            let [lower, upper] = self.control_bounds(k);
+            let lower = [lower, &vec![0.0; more]].concat();
+            let upper = [upper, &vec![f64::INFINITY; more]].concat();
             problem.bound_control(bounds, k, &lower, &upper);
         }
         if let Some([lower, upper]) = &self.p_bounds {

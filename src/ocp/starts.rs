@@ -110,7 +110,8 @@ impl Ocp {
             if k == 0 {
                 return self.control_guess();
             }
-            (0..self.n_stages).flat_map(|_| &ranges).map(|[l, u]| l + (u - l) * numbers.share()).collect()
+            let drawn = (0..self.n_stages).flat_map(|_| &ranges).map(|[l, u]| l + (u - l) * numbers.share());
+            self.within_bounds(drawn.collect())
         };
         (0..n).map(|k| one(k, &mut numbers)).collect()
     }
@@ -128,19 +129,43 @@ impl Ocp {
                 w if w < 2.0 * AT_BOUND => *u,
                 _ => l + (u - l) * between,
             };
-            drawn.into_iter().zip(ranges.iter().cycle()).map(value).collect()
+            self.within_bounds(drawn.into_iter().zip(ranges.iter().cycle()).map(value).collect())
         };
         (0..n).map(&mut one).collect()
     }
 
     /// Ranges in which controls are drawn: their bounds, which take the place of infinity at a distance of 1, or the size of the other bound.
-    fn control_ranges(&self) -> Vec<[f64; 2]> {
+    pub(super) fn control_ranges(&self) -> Vec<[f64; 2]> {
         let range = |(l, u): (&f64, &f64)| {
             let size = |v: f64| if v.is_finite() { v.abs().max(1.0) } else { 1.0 };
             let at = middle(*l, *u);
             [if l.is_finite() { *l } else { at - size(*u) }, if u.is_finite() { *u } else { at + size(*l) }]
         };
         self.u_bounds[0].iter().zip(&self.u_bounds[1]).map(range).collect()
+    }
+
+    /// Bounds of the controls of a stage, those that are chosen already as they are.
+    pub(super) fn control_bounds(&self, stage: usize) -> [&[f64]; 2] {
+        let nu = self.u_bounds[0].len();
+        match &self.chosen {
+            Some(bounds) => [0, 1].map(|side| &bounds[side][stage * nu..(stage + 1) * nu]),
+            None => [&self.u_bounds[0], &self.u_bounds[1]],
+        }
+    }
+
+    /// Controls `[n_stages · nu]`, moved into their bounds.
+    pub(super) fn within_bounds(&self, mut controls: Vec<f64>) -> Vec<f64> {
+        self.clamp(&mut controls);
+        controls
+    }
+
+    /// Moves controls `[n_stages · nu]` into their bounds.
+    pub(super) fn clamp(&self, controls: &mut [f64]) {
+        let nu = self.u_bounds[0].len().max(1);
+        for (k, u) in controls.chunks_exact_mut(nu).enumerate() {
+            let [lower, upper] = self.control_bounds(k);
+            u.iter_mut().zip(lower.iter().zip(upper)).for_each(|(u, (l, h))| *u = u.max(*l).min(*h));
+        }
     }
 
     /// The problem as stated, nothing built and nothing solved.
@@ -168,6 +193,7 @@ impl Ocp {
             x_bounds: self.x_bounds.clone(),
             x0_bounds: self.x0_bounds.clone(),
             u_bounds: self.u_bounds.clone(),
+            chosen: self.chosen.clone(),
             p_bounds: self.p_bounds.clone(),
             nominal: self.nominal.clone(),
             params: self.params.clone(),

@@ -110,6 +110,7 @@ impl Ocp {
             largest: _,
             shifted: _,
             scene: _,
+            chosen: _,
             clearance: _,
             inside: _,
             projected: _,

@@ -12,6 +12,8 @@ pub(crate) enum Source {
     Guess,
     /// Simulations of controls that need no search: those of the guess, extremes of the bounds.
     Simulation,
+    /// The solution of a problem with fewer conditions: choices anywhere between their values.
+    Relaxation,
     /// Simulations of random controls, aimed at the constraints.
     Samples,
     /// Sequences next to what a source has found; no source of its own.

@@ -263,6 +263,7 @@ impl System {
             let (f, psi) = (p.push.clone(), p.constraints.clone());
             out.add_inclusion(Inclusion { rows, f, psi, set: SetValued::Multiplier })?;
         }
+        out.choices.clone_from(&self.choices);
         Ok(Cow::Owned(out))
     }
 

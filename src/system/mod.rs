@@ -7,6 +7,7 @@
 //! A [`Subsystem`] has its own modes and regions: switching functions `ψ` with a sign matrix, or Stewart's
 //! indicator functions. Subsystems add: `n` of them with two modes cost `2n` modes, not `2^n`.
 
+mod choice;
 mod contact;
 mod on_demand;
 mod smoothed;
@@ -19,6 +20,7 @@ use crate::error::{Error, Result};
 use crate::func::{Dims, Function};
 use crate::memory::sizes;
 
+pub use choice::Choice;
 pub use contact::{Contact, ImpactLaw, Inertia, Local, Mechanics, Order, Projection};
 pub use on_demand::{OnDemand, Signed};
 pub use smoothed::Widths;
@@ -113,6 +115,7 @@ pub struct System {
     n_z: usize,
     algebraic: Option<SharedFunction>,
     transitions: Vec<Transition>,
+    choices: Vec<Choice>,
     mechanics: Option<Arc<Mechanics>>,
     combined: Option<SharedFunction>,
     on_demand: Option<Arc<OnDemand>>,
@@ -133,6 +136,7 @@ impl System {
             n_z: 0,
             algebraic: None,
             transitions: Vec::new(),
+            choices: Vec::new(),
             mechanics: None,
             combined: None,
             on_demand: None,

@@ -128,6 +128,8 @@ pub mod system;
 
 pub mod expr;
 
+pub mod choice;
+
 pub mod trajectory;
 
 pub mod simulator;

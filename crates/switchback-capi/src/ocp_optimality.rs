@@ -25,6 +25,8 @@ pub enum swb_verdict {
     Kink = 2,
     /// Some change lowers the cost to first order.
     NotOptimal = 3,
+    /// An exact search over all choices (swb_system_add_choice) found no answer that costs less by more than the gap of swb_optimality.
+    Global = 4,
 }
 
 const VERDICTS: &[(Verdict, swb_verdict, &CStr)] = &[
@@ -32,6 +34,7 @@ const VERDICTS: &[(Verdict, swb_verdict, &CStr)] = &[
     (Verdict::LocalOptimum, swb_verdict::LocalOptimum, c"local_optimum"),
     (Verdict::Kink, swb_verdict::Kink, c"kink"),
     (Verdict::NotOptimal, swb_verdict::NotOptimal, c"not_optimal"),
+    (Verdict::Global, swb_verdict::Global, c"global"),
 ];
 
 /// Name of an enum swb_verdict, such as "kink"; NULL for any other number. Static.
@@ -53,6 +56,8 @@ pub struct swb_optimality {
     /// Largest first-order change of the cost by one quantity within its bounds, over the size of the quantity, relative to
     /// what single terms of cost and constraints change; NaN where it is not known. Up to 1e-4 counts as none.
     pub residual: f64,
+    /// Largest share of the cost by which an answer with other choices may be cheaper; NaN where that is not known.
+    pub gap: f64,
 }
 unsafe impl Sized8 for swb_optimality {}
 
@@ -118,6 +123,7 @@ pub unsafe extern "C" fn swb_ocp_get_optimality(
                 verdict: found.verdict as i64,
                 n_kinks: found.kinks.len() as i64,
                 residual: found.residual,
+                gap: found.gap,
             };
             write_sized(&own, optimality, struct_size, "optimality")
         })

@@ -125,12 +125,12 @@ impl<'a> Shooting<'a> {
             cuts: Vec::new(),
         };
         s.cuts = s.cuts_of(b);
-        for _ in 0..n {
-            (0..d.u).for_each(|j| s.control(j, &control_size));
+        for k in 0..n {
+            (0..d.u).for_each(|j| s.control(k, j, &control_size));
         }
         for j in s.ramps.clone() {
             s.at.ends[j] = Some(s.lower.len());
-            s.control(j, &control_size);
+            s.control(n - 1, j, &control_size);
         }
         s.at.lengths = s.lower.len();
         // what the model makes of the time itself is not followed: lengths stay where it does
@@ -197,10 +197,10 @@ impl<'a> Shooting<'a> {
         self.sizes.push(size);
     }
 
-    fn control(&mut self, j: usize, size: &dyn Fn(usize) -> f64) {
+    fn control(&mut self, stage: usize, j: usize, size: &dyn Fn(usize) -> f64) {
         let own = self.ocp.u_bounds[0].len();
         let [l, u] = match j < own {
-            true => [self.ocp.u_bounds[0][j], self.ocp.u_bounds[1][j]],
+            true => self.ocp.control_bounds(stage).map(|b| b[j]),
             false => [0.0, f64::INFINITY],
         };
         self.variable([l, u], size_of(0.0, l, u, size(j)));

@@ -103,6 +103,8 @@ pub enum Verdict {
     Kink = 2,
     /// Some change lowers the cost to first order.
     NotOptimal = 3,
+    /// No answer with other choices costs less by more than [`Optimality::gap`] says.
+    Global = 4,
 }
 
 impl Verdict {
@@ -113,6 +115,7 @@ impl Verdict {
             Verdict::LocalOptimum => "local_optimum",
             Verdict::Kink => "kink",
             Verdict::NotOptimal => "not_optimal",
+            Verdict::Global => "global",
         }
     }
 }
@@ -144,6 +147,8 @@ pub struct Optimality {
     pub verdict: Verdict,
     /// Why it is not known, or by what else than its derivatives.
     pub reason: &'static str,
+    /// Largest share of the cost by which another answer may be cheaper, whatever its choices; NaN where that is not known.
+    pub gap: f64,
     /// The largest change of the cost to first order by one quantity within its bounds, over the size of the quantity,
     /// relative to what single terms of the cost change.
     pub residual: f64,
@@ -185,7 +190,8 @@ impl Optimality {
             None => (Verdict::Kink, compared),
         };
         let (direction, beyond) = Default::default();
-        Optimality { verdict, reason, residual, gradient, kinks, direction, others: false, beyond }
+        let gap = f64::NAN;
+        Optimality { verdict, reason, gap, residual, gradient, kinks, direction, others: false, beyond }
     }
 
     /// A descent on simulations from the answer led nowhere: it is what that says, and there is no direction.
@@ -200,7 +206,7 @@ impl Optimality {
 
     /// What was found says nothing of the control problem, and why. A direction in which the cost falls stays one to try.
     pub(super) fn withdraw(&mut self, reason: &'static str) {
-        (self.verdict, self.reason) = (Verdict::Unknown, reason);
+        (self.verdict, self.reason, self.gap) = (Verdict::Unknown, reason, f64::NAN);
     }
 
     /// Can a descent on simulations say more than the derivatives do?
@@ -215,8 +221,8 @@ impl Optimality {
 
     pub(super) fn unknown(reason: &'static str) -> Optimality {
         let (gradient, kinks, direction, beyond) = Default::default();
-        let (verdict, residual) = (Verdict::Unknown, f64::NAN);
-        Optimality { verdict, reason, residual, gradient, kinks, direction, others: false, beyond }
+        let (verdict, gap, residual) = (Verdict::Unknown, f64::NAN, f64::NAN);
+        Optimality { verdict, reason, gap, residual, gradient, kinks, direction, others: false, beyond }
     }
 }
 
@@ -670,7 +676,7 @@ impl Ocp {
         let Some(o) = r.optimality.as_mut() else { return };
         let withdrawn = match o.verdict {
             Verdict::Unknown => false,
-            Verdict::LocalOptimum | Verdict::Kink => true,
+            Verdict::LocalOptimum | Verdict::Kink | Verdict::Global => true,
             // that a descent on simulations leads to less is true whatever the answer says
             Verdict::NotOptimal => other && o.reason.is_empty(),
         };
@@ -723,7 +729,12 @@ impl Ocp {
         let [lower, upper] = self.bounds_of_controls(n_u);
         let control_bounds = |j: usize| [lower[j], upper[j]];
         let control = |k: usize, j: usize| {
-            let bounds = if linear(j).is_some() { [f64::NEG_INFINITY, f64::INFINITY] } else { control_bounds(j) };
+            let own = self.control_bounds(k).map(|b| b.get(j).copied());
+            let bounds = match (linear(j), own) {
+                (Some(_), _) => [f64::NEG_INFINITY, f64::INFINITY],
+                (None, [Some(l), Some(u)]) => [l, u],
+                (None, _) => control_bounds(j),
+            };
             direct(Free::new(w[u_at[k] + j], bounds, largest_control(&judge.controls, n_u, j), n), u_at[k] + j)
         };
         let initial = |i: usize| {

@@ -343,6 +343,7 @@ impl Quantities {
         });
         let beyond = unreached.map(|i| scaled(across(i, found[i].before.is_nan()))).filter(|d| !d.is_empty()).collect();
         let gradient = users().map(|f| f.slopes[0] + dot(&c, &f.slopes[1..])).collect();
-        Optimality { verdict, reason, residual, gradient, kinks: found, direction, others: false, beyond }
+        let gap = f64::NAN;
+        Optimality { verdict, reason, gap, residual, gradient, kinks: found, direction, others: false, beyond }
     }
 }

@@ -154,7 +154,7 @@ pub(super) fn controls(ocp: &Ocp) -> Vec<Vec<f64>> {
     for (first, second) in [(upper, lower), (lower, upper), (upper, upper), (lower, lower)] {
         all.push((0..ocp.n_stages).flat_map(|k| if k < half { first } else { second }.clone()).collect());
     }
-    all
+    all.into_iter().map(|u| ocp.within_bounds(u)).collect()
 }
 
 /// What simulates: one for all simulations of a search.

@@ -110,6 +110,8 @@ impl Leg {
             o.n_fe = whole.n_fe[stages.clone()].to_vec();
         }
         let d = o.system.dims();
+        let of_stages = |b: &Vec<f64>| b[first * d.u..(last + 1) * d.u].to_vec();
+        o.chosen = whole.chosen.as_ref().map(|b| [of_stages(&b[0]), of_stages(&b[1])]);
         o.stage_params = whole.stage_params.as_ref().map(|p| p[first * d.p..(last + 1) * d.p].to_vec());
         if o.stage_params.is_none() {
             o.params.clone_from(&guess.params);

@@ -97,7 +97,7 @@ impl<'a> Transitions<'a> {
             if stop::requested().is_some() {
                 break;
             }
-            let controls = self.sampler.draw(self.ocp.n_stages, &ranges, known);
+            let controls = self.ocp.within_bounds(self.sampler.draw(self.ocp.n_stages, &ranges, known));
             // what cannot be simulated leads nowhere
             let Ok((sequence, motion)) = self.simulate(&controls, budget) else { continue };
             let Some(end) = conditions(self.ocp, &motion) else { continue };

@@ -464,6 +464,7 @@ class Verdict(Names):
     LOCAL_OPTIMUM = 1
     KINK = 2
     NOT_OPTIMAL = 3
+    GLOBAL = 4
 
 
 class Jumps(Names):
@@ -639,6 +640,7 @@ class swb_settings(Structure):
         ("search_gain", c_double),
         ("search_samples", c_int64),
         ("search_seed", c_int64),
+        ("search_exact", c_double),
     ]
 
 
@@ -1046,6 +1048,7 @@ class swb_optimality(Structure):
         ("verdict", c_int64),
         ("n_kinks", c_int64),
         ("residual", c_double),
+        ("gap", c_double),
     ]
 
 
@@ -1183,6 +1186,8 @@ FUNCTIONS = {
     "swb_model_report": (c_int32, [c_void_p, c_int32, c_void_p, c_int64, c_void_p]),
     "swb_model_write_c": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_model_free": (None, [c_void_p]),
+    "swb_system_add_choice": (c_int32, [c_void_p, c_int64, c_void_p, c_int64, c_double, c_void_p]),
+    "swb_model_add_choice": (c_int32, [c_void_p, c_int64, c_void_p, c_int64, c_double, c_void_p]),
     "swb_trajectory_get_info": (c_int32, [c_void_p, POINTER(swb_trajectory_info), c_uint64]),
     "swb_trajectory_times": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_trajectory_states": (c_int32, [c_void_p, c_void_p, c_int64]),

@@ -750,6 +750,7 @@ class Model(Named):
         self._trial: Any = None
         self._made: _Built | None = None
         self._transitions: list[_Transition] = []
+        self._choices: list[tuple[int, tuple[float, ...], float]] = []  # control, values, dwell time
         self._discrete: list[float] = []  # initial values of the last states
         self._value_names: dict[int, tuple[str, ...]] = {}  # of discrete states, by their place among all states
         self._complete = True
@@ -831,6 +832,29 @@ class Model(Named):
         self._transitions.append(made)
         self._made = None
         return len(self._transitions) - 1
+
+    def choice(self, control: Any, values: Any, dwell: float = 0.0) -> None:
+        """Say that a control chooses among values: on or off, a gear, a number of machines.
+
+        `control` is a name, a number, or an expression `m.u[0]`. An optimal control problem (`Ocp`) searches the best value for every control
+        stage. With a `dwell` time each value that is chosen holds for that long at least; the value at the start may be left at any time, and the
+        end of the horizon may cut the last one short. Simulations take any value of the control.
+        """
+        given = tuple(float(v) for v in numpy.atleast_1d(numpy.asarray(values, dtype=float)).ravel())
+        self._choices.append((self._control(control), given, number(dwell, "dwell")))
+        self._made = None
+
+    def _control(self, control: Any) -> int:
+        """The place of a control that is given as an expression, by its name or by its number."""
+        if isinstance(control, Expr) and control.ndim == 0:
+            places = [int(i) for i in numpy.flatnonzero(self.u._ids == control._ids)]
+        elif isinstance(control, str):
+            places = [i for i, name in enumerate(self.names[1]) if name and name == control]
+        else:
+            places = [index(control, "control")]
+        if len(places) != 1:
+            raise ArgumentError(f"choice: {control!r} is no control of the model{nearest(control, self.names[1])}")
+        return places[0]
 
     def hysteresis(self, value: Any, on: Any, off: Any, initial: int = 0, name: str = "") -> Expr:
         """A discrete value that becomes 1 where `value` exceeds `on` and 0 where it falls below `off`, which is smaller.
@@ -953,6 +977,9 @@ class Model(Named):
                 made._do("set_value_names", place - (self.nx - initial.size), encode("\n".join(values), "names"))
             for t in self._transitions:
                 t.add_to(made, self.graph)
+            for control, values, dwell in self._choices:
+                given = numpy.array(values)
+                made._do("add_choice", control, address(given), given.size, dwell, None)
             self._made = made
         return self._made
 
@@ -1040,6 +1067,7 @@ class Model(Named):
             if values:
                 model._value_names[model.nx - initial.size + k] = tuple(values.split("\n"))
         model._transitions = [_Transition.read(made, graph, k) for k in range(counts[1].value)]
+        model._choices = [(c["control"], tuple(c["values"]), c.get("dwell", 0.0)) for c in saved.get("choices", ())]
         model._made = made
         return model
 

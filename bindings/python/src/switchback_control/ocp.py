@@ -68,7 +68,7 @@ class Optimality:
     """An optimal control as a point of the control problem: derivatives of event-driven simulations of the controls, with the
     multipliers of the constraints, independent of the discretisation."""
 
-    #: "local_optimum", "kink", "not_optimal" or "unknown".
+    #: "local_optimum", "kink", "not_optimal", "unknown", or "global" where an exact search over all choices proves it.
     verdict: str
     #: Largest first-order change of the cost by one quantity within its bounds, relative; up to 1e-3 counts as none.
     residual: float
@@ -79,6 +79,8 @@ class Optimality:
     descent: Array = field(repr=False)
     #: Why the verdict is "unknown".
     reason: str = ""
+    #: Largest share of the cost by which an answer with other choices may be cheaper; NaN where that is not known.
+    gap: float = numpy.nan
 
 
 @dataclass(frozen=True, repr=False)
@@ -168,7 +170,7 @@ class OcpResult(Hints, OverElements, HasOutcome):
     @property
     def certificate(self) -> str:
         """"local_optimum", "kink" (switches lie between control stages, and the cost rises towards either side),
-        "not_optimal" or "unknown"; see `optimality`."""
+        "not_optimal", "global" or "unknown"; see `optimality`."""
         return self.optimality.verdict if self.optimality else "unknown"
 
     def _facts(self) -> dict[str, Any]:
@@ -555,7 +557,8 @@ class Ocp(Hints, OcpTerms, OcpSearch):
         names = ("get_reduced_gradient", "get_descent")
         gradient, descent = (self._vector(n, self.n_stages * self.nu).reshape(self.n_stages, self.nu) for n in names)
         verdict = (lib.swb_verdict_name(c.verdict) or b"unknown").decode()
-        return Optimality(verdict, c.residual, gradient, kinks, descent, text(lib.swb_ocp_get_optimality_reason, self))
+        reason = text(lib.swb_ocp_get_optimality_reason, self)
+        return Optimality(verdict, c.residual, gradient, kinks, descent, reason, c.gap)
 
     def sensitivity(self) -> OcpSensitivity:
         """Derivatives of the last solution with respect to initial state and parameters, while the order of modes stays

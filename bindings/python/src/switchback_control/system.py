@@ -223,6 +223,14 @@ class System(Handle):
         self._functions += [f for f in (g, after) if f is not None]
         return count.value
 
+    def add_choice(self, control: Any, values: Any, dwell: float = 0.0) -> int:
+        """Say that a control, given by its number or name, chooses among values, and return the number of the choice; see `Model.choice`."""
+        at = index(self._names[1].index(control), "control") if control in self._names[1] else index(control, "control")
+        given = numpy.array(numpy.atleast_1d(values), dtype=numpy.float64).ravel()
+        count = ctypes.c_int64()
+        self._do("add_choice", at, address(given), given.size, number(dwell, "dwell"), ctypes.byref(count))
+        return count.value
+
     def surfaces(self, x: Any, u: Any = None, p: Any = None, t: float = 0.0, *, subsystem: int = 0) -> numpy.ndarray:
         """Values whose zeros are the switching surfaces of a subsystem: its switching functions, or the differences
         g_i - g_j, i < j, of its indicators, NaN where both are not the smallest two."""

@@ -178,6 +178,10 @@ pub trait Function: Send + Sync {
         let _ = (low, high, out_low, out_high, work);
         false
     }
+    /// Is the Hessian the same at all states, controls and times? False where that is not known, which functions of expressions do not say.
+    fn hessian_is_constant(&self) -> bool {
+        false
+    }
     /// The function itself, for who knows its type: documents look for expressions in it.
     fn as_any(&self) -> Option<&dyn std::any::Any> {
         None

@@ -791,6 +791,8 @@ pub struct Settings {
     pub search_samples: i64,
     /// Seed of the random controls of a search.
     pub search_seed: i64,
+    /// Work of an exact search over choices at most, in variables of a program times iterations, or states times steps of simulations; 0: none.
+    pub search_exact: f64,
 }
 
 impl Default for Settings {
@@ -864,6 +866,7 @@ impl Default for Settings {
             search_gain: 0.001,
             search_samples: 64,
             search_seed: 0,
+            search_exact: 2000000.0,
         }
     }
 }
@@ -1807,6 +1810,20 @@ pub static OPTIONS: &[OptionInfo] = &[
         offset: offset_of!(Settings, search_seed),
         get: |s| s.search_seed as f64,
         set: |s, v| s.search_seed = v as i64,
+    },
+    OptionInfo {
+        name: "search_exact",
+        group: "search",
+        kind: Kind::Float,
+        default: 2000000.0,
+        min: Closed(0.0),
+        max: Closed(f64::INFINITY),
+        symbol: "",
+        doc: "Work of an exact search over choices at most, in variables of a program times iterations, or states times steps of simulations; 0: none.",
+        setup_only: false,
+        offset: offset_of!(Settings, search_exact),
+        get: |s| s.search_exact,
+        set: |s, v| s.search_exact = v,
     },
 ];
 

@@ -1,0 +1,273 @@
+//! What is searched where controls choose: sequences of choices, their programs, those next to one.
+
+use std::rc::Rc;
+
+use super::levels::{Levels, Sequence};
+use crate::error::Result;
+use crate::nlp::{Control, Outcome};
+use crate::ocp::request::Request;
+use crate::ocp::solve::Start;
+use crate::ocp::{Ocp, OcpResult};
+use crate::search::{
+    self, watched, Budget, EarlyTermination, Limits, Neighbour, Patience, Rank, Sampler, Source, Space,
+};
+
+/// Proposals of samples at most, as for transitions.
+const ROUNDS: usize = 4;
+
+/// Where a program starts: controls, and states at times from the start of the horizon, where they are known.
+pub(super) struct Motion {
+    controls: Vec<f64>,
+    states: Option<(Vec<f64>, Vec<f64>)>,
+}
+
+impl Motion {
+    fn of(r: &OcpResult) -> Motion {
+        let Some(t0) = r.trajectory.elements.first().map(|e| e.t) else {
+            return Motion { controls: r.controls.clone(), states: None };
+        };
+        let (mut times, mut states) = (Vec::new(), Vec::new());
+        for e in r.trajectory.elements.iter().filter(|e| e.h > 0.0) {
+            if times.last().is_none_or(|t| *t < e.t - t0) {
+                times.push(e.t - t0);
+                states.extend_from_slice(&e.x0);
+            }
+            times.push(e.t + e.h - t0);
+            states.extend_from_slice(&e.x1);
+        }
+        let rises = times.windows(2).all(|w| w[0] < w[1]);
+        Motion { controls: r.controls.clone(), states: rises.then_some((times, states)) }
+    }
+}
+
+/// What the program of a sequence ended at.
+pub(super) struct Ended {
+    pub sequence: Sequence,
+    pub result: OcpResult,
+    /// Derivatives of the cost with respect to the choices `[n_stages · n_choices]`, zero where they are not known.
+    prices: Vec<f64>,
+    /// Largest modulus of the cost on the way to it.
+    largest: f64,
+}
+
+impl Ended {
+    /// Does it solve the program of its sequence?
+    pub fn is_solution(&self) -> bool {
+        self.result.is_exact()
+    }
+}
+
+type Candidate = search::Candidate<Sequence, Rc<Motion>>;
+
+/// The sequences of a problem.
+pub(super) struct Choices<'a> {
+    pub levels: Levels,
+    /// The problem whose choices are fixed or narrowed.
+    inner: Ocp,
+    request: Request,
+    /// Controls to begin with.
+    guess: Option<Vec<f64>>,
+    constant: Vec<Sequence>,
+    is_relaxed: bool,
+    sampler: Sampler,
+    rounds: usize,
+    largest: f64,
+    ocp: &'a Ocp,
+}
+
+impl<'a> Choices<'a> {
+    pub fn new(ocp: &'a Ocp, guess: Option<Vec<f64>>, request: &Request) -> Result<Choices<'a>> {
+        let levels = Levels::new(ocp)?;
+        let mut inner = ocp.blank();
+        inner.modes = None;
+        Ok(Choices {
+            constant: levels.constant(),
+            levels,
+            inner,
+            request: request.of_a_part(),
+            guess: guess.or_else(|| ocp.u_guess.clone()),
+            is_relaxed: false,
+            sampler: Sampler::new(ocp.settings.search_seed as u64),
+            rounds: 0,
+            largest: 0.0,
+            ocp,
+        })
+    }
+
+    /// Controls in which all but the choices are those to begin with.
+    pub fn controls(&self, sequence: &[u16], from: &[f64]) -> Vec<f64> {
+        let mut controls = from.to_vec();
+        self.levels.write(sequence, &mut controls);
+        controls
+    }
+
+    /// Solves with every choice between two values: from a motion, or else from where a solve begins.
+    pub fn solve_between(
+        &mut self,
+        [low, high]: [&[u16]; 2],
+        from: Option<&Motion>,
+        budget: &mut Budget,
+        control: &mut Control,
+    ) -> Result<OcpResult> {
+        let inner = &mut self.inner;
+        inner.chosen = Some(self.levels.bounds(self.ocp, low, high));
+        inner.x_guess = from.map_or_else(|| self.ocp.x_guess.clone(), |m| m.states.clone());
+        inner.u_guess = match from {
+            Some(m) => {
+                let mut controls = m.controls.clone();
+                inner.clamp(&mut controls);
+                Some(controls)
+            }
+            None => None,
+        };
+        inner.solve_chosen(Start::Cold, &self.request, control)?;
+        let r = inner.last_result()?.clone();
+        budget.solved(r.dimensions.0, &r.stats);
+        Ok(r)
+    }
+
+    /// The problem with all choices between their least and their largest values.
+    pub fn relax(&mut self, budget: &mut Budget, control: &mut Control) -> Result<OcpResult> {
+        let [low, high] = self.levels.widest();
+        self.solve_between([&low, &high], None, budget, control)
+    }
+
+    /// Derivatives with respect to the choices of the last program: multipliers of what is fixed.
+    fn prices(&self) -> Vec<f64> {
+        let n = self.levels.n() * self.levels.n_stages();
+        let Some(b) = self.inner.built.as_ref().filter(|_| !self.inner.has_transitions()) else { return vec![0.0; n] };
+        let (z, stages) = (&b.solver.solution().z, b.problem.places().1);
+        let m = self.levels.n();
+        let price = |e: usize| z.get(stages[e / m] + self.levels.control(e % m)).copied().unwrap_or(0.0);
+        (0..n).map(price).collect()
+    }
+
+    /// Random controls as the nearest sequences, none of them twice.
+    fn samples(&mut self, best: Option<&Ended>) -> Vec<Candidate> {
+        let ranges: Vec<[f64; 2]> = self.ocp.control_ranges();
+        let guess = self.ocp.control_guess();
+        let known = best.map_or(&guess[..], |b| &b.result.controls);
+        let mut out: Vec<Candidate> = Vec::new();
+        // the first samples are those of the first round: what is drawn more coarsely is drawn more often
+        for _ in 0..self.ocp.settings.search_samples {
+            let controls = self.sampler.draw(self.levels.n_stages(), &ranges, known);
+            let sequence = self.levels.nearest(&controls);
+            if out.iter().all(|c| c.sequence != sequence) {
+                let controls = self.controls(&sequence, known);
+                out.push(Candidate { sequence, motion: Rc::new(Motion { controls, states: None }) });
+            }
+        }
+        out
+    }
+
+    /// A motion of a sequence of which nothing is known but its choices.
+    pub fn motion(&self, sequence: &[u16]) -> Rc<Motion> {
+        Rc::new(Motion { controls: self.controls(sequence, &self.ocp.control_guess()), states: None })
+    }
+
+    fn candidate(&self, sequence: Sequence, from: &[f64]) -> Candidate {
+        let controls = self.controls(&sequence, from);
+        Candidate { sequence, motion: Rc::new(Motion { controls, states: None }) }
+    }
+}
+
+impl Space for Choices<'_> {
+    type Sequence = Sequence;
+    type Motion = Rc<Motion>;
+    type Solution = Ended;
+
+    fn propose(
+        &mut self,
+        source: Source,
+        best: Option<&Ended>,
+        budget: &mut Budget,
+        control: &mut Control,
+    ) -> Result<Vec<Candidate>> {
+        let start = self.ocp.control_guess();
+        Ok(match source {
+            Source::Guess => match self.guess.take() {
+                Some(u) => vec![self.candidate(self.levels.nearest(&u), &u)],
+                None => Vec::new(),
+            },
+            Source::Relaxation if !self.is_relaxed => {
+                self.is_relaxed = true;
+                let r = self.relax(budget, control)?;
+                let u = r.controls.clone();
+                let motion = Rc::new(Motion::of(&r));
+                let mut all = vec![self.levels.rounded(&u), self.levels.nearest(&u)];
+                all.dedup();
+                let of = |sequence| Candidate { sequence, motion: motion.clone() };
+                all.into_iter().filter(|s| self.levels.is_held(s)).map(of).collect()
+            }
+            Source::Simulation if !self.constant.is_empty() => {
+                let sequence = self.constant.remove(0);
+                vec![self.candidate(sequence, &start)]
+            }
+            Source::Samples if self.rounds < ROUNDS => {
+                self.rounds += 1;
+                self.samples(best)
+            }
+            _ => Vec::new(),
+        })
+    }
+
+    fn solve(
+        &mut self,
+        c: &Candidate,
+        limits: Limits,
+        budget: &mut Budget,
+        control: &mut Control,
+    ) -> Result<Vec<(Sequence, Ended)>> {
+        // a search within a search gives its own programs up
+        let plain = !self.inner.switches() && !self.inner.has_transitions();
+        let cost = if plain { limits.cost } else { f64::INFINITY };
+        let patience = if plain { Patience::usual(limits.patience) } else { Patience::usual(usize::MAX) };
+        let mut watch = EarlyTermination::new(cost, patience, self.request.options.solver.tol);
+        let both = [&c.sequence[..]; 2];
+        let result = match plain {
+            true => watched(&mut watch, control, |control| self.solve_between(both, Some(&c.motion), budget, control)),
+            false => self.solve_between(both, Some(&c.motion), budget, control),
+        };
+        let mut result = result?;
+        if watch.is_over() && result.outcome == Outcome::Stopped {
+            result.outcome = Outcome::MaxIter;
+        }
+        self.largest = self.largest.max(watch.largest);
+        let ended = Ended { sequence: c.sequence.clone(), prices: self.prices(), result, largest: watch.largest };
+        Ok(vec![(c.sequence.clone(), ended)])
+    }
+
+    fn rank(&self, s: &Ended) -> Rank {
+        Rank {
+            feasible: s.is_solution(),
+            contradicted: false,
+            cost: s.result.priced,
+            violation: s.result.residuals.primal,
+            idle: 0,
+            rounding: f64::EPSILON * self.largest.max(s.largest),
+        }
+    }
+
+    fn verify(&mut self, _: &mut Ended, _: &mut Budget) -> Result<()> {
+        Ok(())
+    }
+
+    fn neighbours(&self, s: &Ended) -> (Vec<Neighbour<Sequence>>, Rc<Motion>) {
+        let promise = |sequence: &[u16], entries: &[usize]| {
+            let step = |e: &usize| self.levels.value(*e, sequence[*e]) - self.levels.value(*e, s.sequence[*e]);
+            if s.is_solution() { entries.iter().map(|e| s.prices[*e] * step(e)).sum() } else { 0.0 }
+        };
+        let of = |c: super::levels::Change| Neighbour {
+            promise: promise(&c.sequence, &c.entries),
+            kind: usize::from(!c.is_single),
+            is_local: c.is_single,
+            sequence: c.sequence,
+        };
+        (self.levels.next_to(&s.sequence).into_iter().map(of).collect(), Rc::new(Motion::of(&s.result)))
+    }
+
+    fn moved(&self, _: &Ended, motion: &Rc<Motion>, to: &Sequence) -> Rc<Motion> {
+        let controls = self.controls(to, &motion.controls);
+        Rc::new(Motion { controls, states: motion.states.clone() })
+    }
+}
