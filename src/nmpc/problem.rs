@@ -171,6 +171,7 @@ fn algebraic_guess(s: &Statement) -> Vec<f64> {
 /// The functions of the problem, and an empty quadratic program for them.
 pub(super) fn build(ocp: &Ocp, options: &Options) -> Result<(Model, StageQp)> {
     let s = ocp.statement();
+    s.system.check_without_choices("a controller")?;
     check(&s)?;
     let exact = options.hessian() == HessianKind::Exact;
     let n = s.n_stages;

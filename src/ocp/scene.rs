@@ -59,6 +59,7 @@ impl Ocp {
 
     /// Solves a problem with contacts.
     pub(super) fn solve_scene(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
+        self.system.check_without_choices("optimal control with contacts")?;
         let request = Request::from_settings(&self.settings)?;
         self.complete_params()?;
         let result = memory::bounded(self.settings.max_memory, || {

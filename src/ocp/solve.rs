@@ -232,7 +232,8 @@ impl Ocp {
         }
         let options = SolveOptions::from_settings(&self.settings)?;
         let known = self.built.as_ref().is_some_and(|b| b.last.is_some() && b.options.fits(&options));
-        let known = known || (self.has_transitions() && self.result.is_some());
+        let by_sequence = self.has_transitions() || !self.system.choices().is_empty();
+        let known = known || (by_sequence && self.result.is_some());
         self.solve_from(if known { Start::Warm } else { Start::Cold }, control)
     }
 

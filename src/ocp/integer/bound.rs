@@ -9,7 +9,7 @@ use super::Proof;
 use crate::error::Result;
 use crate::nlp::{Control, Outcome};
 use crate::ocp::{Ocp, OcpResult};
-use crate::search::{Budget, Candidate, Limits, Space};
+use crate::search::Budget;
 
 /// Share of the cost up to which two costs are the same: a hundred times the tolerance of the solver.
 const GAP: f64 = 1e-6;
@@ -36,6 +36,8 @@ impl Ocp {
         let levels = Levels::new(self)?;
         let mut incumbent = best.map_or(f64::INFINITY, |b| b.result.priced);
         let mut better = None;
+        // one sequence that is neither solved for nor proven impossible
+        let mut doubt = false;
         let [low, high] = levels.widest();
         let mut open = vec![Set { low, high, least: f64::NEG_INFINITY }];
         // the least bound of what was left because it is not lower than the best
@@ -65,20 +67,24 @@ impl Ocp {
             }
             let at = if known { levels.nearest_values(&r.controls) } else { set.low.clone() };
             if known && levels.furthest(&r, &set.low, &set.high).is_none() && levels.is_held(&at) {
-                let candidate = Candidate { motion: space.motion(&at), sequence: at };
-                let limits = Limits { cost: f64::INFINITY, patience: 1 };
-                let ended = space.solve(&candidate, limits, budget, control)?.into_iter().next().map(|e| e.1);
+                let ended = space.solve_sequence(at, budget, control)?;
                 left = left.min(least);
+                doubt |= ended.as_ref().is_none_or(|e| !e.is_solution());
                 if let Some(one) = ended.filter(|e| e.is_solution() && e.result.priced < incumbent) {
                     incumbent = one.result.priced;
                     better = Some(one);
                 }
                 continue;
             }
-            open.extend(levels.divide(&Set { least, ..set }, known.then_some(&r), &at));
+            let halves = levels.divide(&Set { least, ..set }, known.then_some(&r), &at);
+            doubt |= halves.is_empty() && !known;
+            open.extend(halves);
         }
         let gap = if left.is_finite() && incumbent.is_finite() { share(incumbent, left) } else { 0.0 };
-        Ok(Proof { better, gap, is_complete: true })
+        match doubt {
+            true => Ok(Proof { better, ..Proof::none() }),
+            false => Ok(Proof { better, gap, is_complete: true }),
+        }
     }
 }
 

@@ -15,7 +15,7 @@ use crate::ocp::accuracy::{values, Answer, Replay};
 use crate::ocp::extend::{Extended, Statement};
 use crate::ocp::request::Request;
 use crate::ocp::{CostOf, Durations, Ocp};
-use crate::search::{Budget, Candidate, Limits, Space};
+use crate::search::Budget;
 use crate::system::SharedFunction;
 
 /// Relative tolerance of the simulations.
@@ -33,9 +33,9 @@ struct Beginning {
 }
 
 /// Costs and conditions in the variables that are simulated.
-struct Simulated<'a> {
+pub(super) struct Simulated<'a> {
     ocp: &'a Ocp,
-    levels: &'a Levels,
+    levels: Levels,
     e: Extended,
     replay: Replay,
     params: Vec<f64>,
@@ -63,13 +63,11 @@ impl Ocp {
     pub(super) fn enumerate(
         &self,
         space: &mut Choices,
+        mut simulated: Simulated,
         best: Option<&Ended>,
-        request: &Request,
         (most, budget): (f64, &mut Budget),
         control: &mut Control,
     ) -> Result<Proof> {
-        let levels = Levels::new(self)?;
-        let mut simulated = Simulated::new(self, &levels, best, request)?;
         let mut incumbent = f64::INFINITY;
         if let Some(best) = best {
             incumbent = simulated.cost(&best.sequence, budget)?;
@@ -77,41 +75,61 @@ impl Ocp {
                 return Ok(Proof::none());
             }
         }
-        let mut better = None;
+        // where nothing but costs is stated every sequence that can be simulated is one to be compared, and the best alone is solved for
+        let free = self.is_unconstrained();
+        let (mut better, mut cheapest, mut doubt) = (None, None, false);
         let mut stack = vec![simulated.start()];
         while let Some(b) = stack.pop() {
             if b.least >= incumbent {
                 continue;
             }
             if budget.is_over() || budget.spent() >= most {
-                return Ok(Proof { better, ..Proof::none() });
+                doubt = true;
+                break;
             }
-            if b.sequence.len() < levels.n() * levels.n_stages() {
+            if b.sequence.len() < simulated.levels.n() * simulated.levels.n_stages() {
                 let mut next = simulated.stages(&b, budget)?;
                 // the cheapest is the next to be looked at
                 next.sort_by(|a, b| b.least.total_cmp(&a.least));
                 stack.append(&mut next);
                 continue;
             }
-            if !levels.is_held(&b.sequence) {
+            if !simulated.levels.is_held(&b.sequence) {
                 continue;
             }
-            let candidate = Candidate {
-                motion: space.motion(&b.sequence),
-                sequence: b.sequence,
-            };
-            let limits = Limits { cost: f64::INFINITY, patience: 1 };
-            let ended = space.solve(&candidate, limits, budget, control)?.into_iter().next().map(|e| e.1);
-            if let Some(one) = ended.filter(Ended::is_solution) {
-                (incumbent, better) = (b.least, Some(one));
+            if free {
+                (incumbent, cheapest) = (b.least, Some(b.sequence));
+                continue;
+            }
+            match space.solve_sequence(b.sequence, budget, control)? {
+                Some(one) if one.is_solution() => (incumbent, better) = (b.least, Some(one)),
+                Some(one) => doubt |= !one.is_impossible(),
+                None => doubt = true,
             }
         }
-        Ok(Proof { better, gap: TOLERANCE, is_complete: true })
+        if let Some(sequence) = cheapest {
+            better = space.solve_sequence(sequence, budget, control)?.filter(Ended::is_solution);
+            doubt |= better.is_none();
+        }
+        match doubt {
+            true => Ok(Proof { better, ..Proof::none() }),
+            false => Ok(Proof { better, gap: TOLERANCE, is_complete: true }),
+        }
+    }
+
+    /// Are there no constraints?
+    fn is_unconstrained(&self) -> bool {
+        let [lower, upper] = &self.x_bounds;
+        self.path.is_empty()
+            && self.terminal.is_empty()
+            && self.boundary.is_empty()
+            && lower.iter().chain(upper).all(|v| v.is_infinite())
     }
 }
 
 impl<'a> Simulated<'a> {
-    fn new(ocp: &'a Ocp, levels: &'a Levels, best: Option<&Ended>, request: &Request) -> Result<Simulated<'a>> {
+    pub fn new(ocp: &'a Ocp, best: Option<&Ended>, request: &Request) -> Result<Simulated<'a>> {
+        let levels = Levels::new(ocp)?;
         // kinks of costs are parts of them in a simulation
         let lagrange = ocp.with_kinks(ocp.lagrange.as_ref(), CostOf::Running)?;
         let mayer = ocp.with_kinks(ocp.mayer.as_ref(), CostOf::Terminal)?;
@@ -192,6 +210,17 @@ impl<'a> Simulated<'a> {
             left[k] = left[k + 1] + running + least(self.e.grid_cost.as_ref(), k, (t, t));
         }
         left
+    }
+
+    /// The work of simulating all sequences, none of them left before its end: a sequence of many takes as long as the last of its stages, as all others
+    /// have it in common.
+    pub fn work_of_all(&mut self, budget: &mut Budget) -> Result<f64> {
+        let (n, m) = (self.levels.n_stages(), self.levels.n());
+        let rows: f64 = (0..m).map(|c| self.levels.values(c).len() as f64).product();
+        let before = budget.spent();
+        self.cost(&vec![0; n * m], budget)?;
+        let stage = (budget.spent() - before) / n as f64;
+        Ok(stage * (0..n).map(|k| rows.powi(k as i32 + 1)).sum::<f64>())
     }
 
     fn start(&self) -> Beginning {

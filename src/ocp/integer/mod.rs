@@ -19,15 +19,15 @@ mod tests;
 
 use std::time::Instant;
 
-use self::levels::Sequence;
+use self::enumerate::Simulated;
 use self::space::{Choices, Ended};
 use super::optimality::{Optimality, Verdict};
 use super::request::Request;
 use super::solve::Start;
-use super::Ocp;
-use crate::error::Result;
+use super::{Ocp, OcpResult};
+use crate::error::{Error, Result};
 use crate::nlp::{Control, Outcome, Statistics};
-use crate::search::{explore, Budget, Found, Plan, Source};
+use crate::search::{explore, Budget, Plan, Source};
 use crate::stop;
 
 /// What an exact search says.
@@ -77,24 +77,39 @@ impl Ocp {
             least_tried: request.search,
             any: !self.has_costs(),
         };
-        let found = explore(&mut space, &plan, &mut budget, control)?;
-        let proof = match stop::requested() {
-            None if last.is_none() && self.has_costs() => self.prove(&mut space, &found, request, &mut budget, control)?,
-            _ => Proof::none(),
-        };
-        let settled = found.settled;
-        let (tried, improved) = (found.tried, proof.better.is_some());
-        let first = found.all.into_iter().next().map(|f| f.0);
+        let convex = last.is_none() && self.relaxes_to_convex();
+        if convex {
+            let r = space.relax(&mut budget, control)?.clone();
+            if matches!(r.outcome, Outcome::Infeasible | Outcome::LocallyInfeasible) {
+                // of a convex problem the one is the other
+                return self.adopt_infeasible(space.levels.widest_bounds(self), r, budget.stats, clock);
+            }
+        }
+        let mut proof = Proof::none();
+        if last.is_none() && self.has_costs() {
+            proof = self.simulate_all(&mut space, request, (&mut budget, control))?;
+        }
+        let (mut tried, mut settled, mut first) = (0, true, None);
+        if !(proof.is_complete && proof.better.is_some()) {
+            let found = explore(&mut space, &plan, &mut budget, control)?;
+            let best = found.all.first().map(|f| &f.0).filter(|e| e.is_solution());
+            if last.is_none() && !proof.is_complete && stop::requested().is_none() {
+                proof = self.prove(&mut space, best, convex, request, (&mut budget, control))?;
+            }
+            settled = found.settled && proof.better.is_none();
+            tried = found.tried;
+            first = found.all.into_iter().next().map(|f| f.0);
+        }
         let Some(best) = proof.better.or(first) else {
             return Err(stop::requested().map_or_else(
-                || crate::error::Error::Internal("no sequence of choices was tried".into()),
+                || Error::Internal("no sequence of choices was tried".into()),
                 |why| why.error(),
             ));
         };
         let bounds = space.levels.bounds(self, &best.sequence, &best.sequence);
         drop(space);
         self.adopt_choices(&best, bounds, request, control)?;
-        let r = self.result.as_mut().ok_or_else(|| crate::error::Error::Internal("a solve without a result".into()))?;
+        let r = self.result.as_mut().ok_or_else(|| Error::Internal("a solve without a result".into()))?;
         let own = std::mem::replace(&mut r.stats, Statistics::default());
         let mut stats = budget.stats;
         stats.add(&own);
@@ -105,7 +120,7 @@ impl Ocp {
                 r.outcome = if proof.is_complete { Outcome::Infeasible } else { Outcome::LocallyInfeasible };
             }
             r.message = match proof.is_complete {
-                true => NONE_POSSIBLE.into(),
+                true => "no sequence of choices meets the constraints".into(),
                 false => format!("none of the {tried} sequences of choices that were tried has a solution: {}", r.message),
             };
             return Ok(());
@@ -114,36 +129,72 @@ impl Ocp {
             r.tell_cut(why);
         }
         if let Some(o) = r.optimality.as_mut() {
-            o.judge_choices(settled && !improved, proof.is_complete, proof.gap);
+            o.judge_choices(settled, proof.is_complete, proof.gap);
         }
         Ok(())
     }
 
-    /// What an exact search adds, where there is one for the problem.
+    /// Simulates all sequences where there is work for that: no search is needed then.
+    fn simulate_all(
+        &self,
+        space: &mut Choices,
+        request: &Request,
+        (budget, control): (&mut Budget, &mut Control),
+    ) -> Result<Proof> {
+        let limit = self.settings.search_exact;
+        if !self.is_of_choices_alone() {
+            return Ok(Proof::none());
+        }
+        let mut simulated = Simulated::new(self, None, request)?;
+        if simulated.work_of_all(budget)? > limit {
+            return Ok(Proof::none());
+        }
+        let most = budget.spent() + limit;
+        self.enumerate(space, simulated, None, (most, budget), control)
+    }
+
+    /// What an exact search adds to the best sequence that is known, where there is one for the problem.
     fn prove(
         &self,
         space: &mut Choices,
-        found: &Found<Ended, Sequence>,
+        best: Option<&Ended>,
+        convex: bool,
         request: &Request,
-        budget: &mut Budget,
-        control: &mut Control,
+        (budget, control): (&mut Budget, &mut Control),
     ) -> Result<Proof> {
-        let best = found.all.first().map(|f| &f.0).filter(|e| e.is_solution());
         let most = budget.spent() + self.settings.search_exact;
-        if self.is_of_choices_alone() {
-            let proof = self.enumerate(space, best, request, (most, budget), control)?;
-            if proof.is_complete {
-                return Ok(proof);
-            }
-            if proof.better.is_some() || !self.relaxes_to_convex() {
-                return Ok(Proof { gap: f64::INFINITY, ..proof });
-            }
-        }
-        if self.relaxes_to_convex() {
-            let most = budget.spent() + self.settings.search_exact;
+        if convex {
             return self.bound_choices(space, best, (most, budget), control);
         }
+        if self.is_of_choices_alone() {
+            let simulated = Simulated::new(self, best, request)?;
+            return self.enumerate(space, simulated, best, (most, budget), control);
+        }
         Ok(Proof::none())
+    }
+
+    /// Where choices between their values cannot meet the constraints, no sequence can.
+    fn adopt_infeasible(&mut self, bounds: [Vec<f64>; 2], mut r: OcpResult, stats: Statistics, clock: Instant) -> Result<()> {
+        self.chosen = Some(bounds);
+        r.outcome = Outcome::Infeasible;
+        r.message = match r.message.as_str() {
+            "" => NONE_POSSIBLE.into(),
+            why => format!("{NONE_POSSIBLE}: {why}"),
+        };
+        r.stats = Statistics { time_total: clock.elapsed().as_secs_f64(), ..stats };
+        self.result = Some(r);
+        Ok(())
+    }
+
+    /// One solve with fixed choices and all that surrounds it.
+    fn solve_adopted(&mut self, request: &Request, control: &mut Control) -> Result<()> {
+        if self.settings.adapt_tol > 0.0 && !self.has_transitions() {
+            self.adapt(Start::Cold, request, control)?;
+        } else {
+            self.solve_chosen(Start::Cold, request, control)?;
+        }
+        self.follow_contacts(Start::Cold, request, control)?;
+        self.impose_between(request, control)
     }
 
     /// Solves with the choices of the best sequence, from where its program ended, and reports that.
@@ -158,7 +209,7 @@ impl Ocp {
             self.x_guess = Some((times, states));
         }
         self.u_guess = Some(best.result.controls.clone());
-        let solved = self.solve_chosen(Start::Cold, request, control);
+        let solved = self.solve_adopted(request, control);
         (self.x_guess, self.u_guess) = guesses;
         solved
     }

@@ -51,6 +51,11 @@ pub(super) struct Ended {
 }
 
 impl Ended {
+    /// Is it shown that the program of its sequence has no solution near its start, which is the only motion that there is where nothing is free?
+    pub fn is_impossible(&self) -> bool {
+        matches!(self.result.outcome, Outcome::Infeasible | Outcome::LocallyInfeasible)
+    }
+
     /// Does it solve the program of its sequence?
     pub fn is_solution(&self) -> bool {
         self.result.is_exact()
@@ -68,6 +73,10 @@ pub(super) struct Choices<'a> {
     /// Controls to begin with.
     guess: Option<Vec<f64>>,
     constant: Vec<Sequence>,
+    /// Is a program without modes and transitions left where all choices are made?
+    plain: bool,
+    /// The solution with choices anywhere between their values, once it was asked for.
+    relaxed: Option<OcpResult>,
     is_relaxed: bool,
     sampler: Sampler,
     rounds: usize,
@@ -86,6 +95,8 @@ impl<'a> Choices<'a> {
             inner,
             request: request.of_a_part(),
             guess: guess.or_else(|| ocp.u_guess.clone()),
+            plain: !ocp.switches() && !ocp.has_transitions(),
+            relaxed: None,
             is_relaxed: false,
             sampler: Sampler::new(ocp.settings.search_seed as u64),
             rounds: 0,
@@ -120,16 +131,30 @@ impl<'a> Choices<'a> {
             }
             None => None,
         };
-        inner.solve_chosen(Start::Cold, &self.request, control)?;
+        if self.plain {
+            inner.run(Start::Cold, &self.request, control)?;
+        } else {
+            inner.solve_chosen(Start::Cold, &self.request, control)?;
+        }
         let r = inner.last_result()?.clone();
         budget.solved(r.dimensions.0, &r.stats);
         Ok(r)
     }
 
     /// The problem with all choices between their least and their largest values.
-    pub fn relax(&mut self, budget: &mut Budget, control: &mut Control) -> Result<OcpResult> {
-        let [low, high] = self.levels.widest();
-        self.solve_between([&low, &high], None, budget, control)
+    pub fn relax(&mut self, budget: &mut Budget, control: &mut Control) -> Result<&OcpResult> {
+        let r = match self.relaxed.take() {
+            Some(r) => r,
+            None => {
+                let [low, high] = self.levels.widest();
+                // where it has no solution no sequence has one, and that is to be known
+                let usual = std::mem::replace(&mut self.request.explain, self.plain);
+                let r = self.solve_between([&low, &high], None, budget, control);
+                self.request.explain = usual;
+                r?
+            }
+        };
+        Ok(self.relaxed.insert(r))
     }
 
     /// Derivatives with respect to the choices of the last program: multipliers of what is fixed.
@@ -158,6 +183,18 @@ impl<'a> Choices<'a> {
             }
         }
         out
+    }
+
+    /// Solves the program of a sequence with all patience.
+    pub fn solve_sequence(
+        &mut self,
+        sequence: Sequence,
+        budget: &mut Budget,
+        control: &mut Control,
+    ) -> Result<Option<Ended>> {
+        let candidate = Candidate { motion: self.motion(&sequence), sequence };
+        let limits = Limits { cost: f64::INFINITY, patience: usize::MAX };
+        Ok(self.solve(&candidate, limits, budget, control)?.into_iter().next().map(|e| e.1))
     }
 
     /// A motion of a sequence of which nothing is known but its choices.
@@ -192,8 +229,7 @@ impl Space for Choices<'_> {
             Source::Relaxation if !self.is_relaxed => {
                 self.is_relaxed = true;
                 let r = self.relax(budget, control)?;
-                let u = r.controls.clone();
-                let motion = Rc::new(Motion::of(&r));
+                let (u, motion) = (r.controls.clone(), Rc::new(Motion::of(r)));
                 let mut all = vec![self.levels.rounded(&u), self.levels.nearest(&u)];
                 all.dedup();
                 let of = |sequence| Candidate { sequence, motion: motion.clone() };
@@ -219,9 +255,9 @@ impl Space for Choices<'_> {
         control: &mut Control,
     ) -> Result<Vec<(Sequence, Ended)>> {
         // a search within a search gives its own programs up
-        let plain = !self.inner.switches() && !self.inner.has_transitions();
+        let plain = self.plain;
         let cost = if plain { limits.cost } else { f64::INFINITY };
-        let patience = if plain { Patience::usual(limits.patience) } else { Patience::usual(usize::MAX) };
+        let patience = Patience::usual(if plain { limits.patience } else { usize::MAX });
         let mut watch = EarlyTermination::new(cost, patience, self.request.options.solver.tol);
         let both = [&c.sequence[..]; 2];
         let result = match plain {
