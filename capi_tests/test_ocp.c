@@ -808,9 +808,83 @@ static void transitions(void)
     swb_function_free(end);
 }
 
+static int32_t pushed(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->u[0] - at->x[0];
+    return 0;
+}
+
+static int32_t off_half(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = (at->x[0] - 0.5) * (at->x[0] - 0.5);
+    return 0;
+}
+
+/* The cost of `x' = u - x` from 1 over stages of length 1/2 with the bits of a number as values of u: x = u + (x0 - u) exp(-t). */
+static double cost_of(int bits)
+{
+    double x = 1.0, cost = 0.0;
+    for (int k = 0; k < 4; k++) {
+        const double u = bits >> k & 1, d = x - u, c = u - 0.5, h = 0.5;
+        cost += c * c * h + 2.0 * c * d * (1.0 - exp(-h)) + 0.5 * d * d * (1.0 - exp(-2.0 * h));
+        x = u + d * exp(-h);
+    }
+    return cost;
+}
+
+/* A control that is on or off: the best of all sequences, with its proof. */
+static void choices(void)
+{
+    static const double start = 1.0, values[] = {1.0, 0.0}, twice[] = {1.0, 1.0};
+    swb_function *f = make_function("f", 1, 1, 0, 1, pushed, NULL), *rate = make_function("L", 1, 1, 0, 1, off_half, NULL);
+    swb_system *system = NULL;
+    swb_ocp *ocp = NULL;
+    swb_optimality found;
+    double u[4], least = cost_of(0);
+    int64_t index = -1;
+    int32_t outcome = -1;
+
+    for (int bits = 1; bits < 16; bits++)
+        least = fmin(least, cost_of(bits));
+    CHECK_OK(swb_system_create(1, 1, 0, &system));
+    CHECK_OK(swb_system_set_f0(system, f));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_choice(system, 1, values, 2, 0.0, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_choice(system, -1, values, 2, 0.0, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_choice(system, 0, twice, 2, 0.0, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_choice(system, 0, values, 0, 0.0, NULL));
+    CHECK_STATUS(SWB_ERR_NULL, swb_system_add_choice(system, 0, NULL, 2, 0.0, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_choice(system, 0, values, 2, -1.0, NULL));
+    CHECK_OK(swb_system_add_choice(system, 0, values, 2, 0.0, &index));
+    CHECK(index == 0);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_choice(system, 0, values, 2, 0.0, NULL));
+    CHECK(strstr(swb_last_error(), "already") != NULL);
+    CHECK_OK(swb_ocp_create(system, 2.0, 4, NULL, &ocp));
+    CHECK_OK(swb_ocp_set_lagrange(ocp, rate));
+    CHECK_OK(swb_ocp_set_initial_state(ocp, &start, 1));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_ocp_get_controls(ocp, u, 4));
+    int bits = 0;
+    for (int k = 0; k < 4; k++) {
+        CHECK(u[k] == 0.0 || u[k] == 1.0);
+        bits |= (int)u[k] << k;
+    }
+    CHECK_NEAR(cost_of(bits), least, 1e-12);
+    CHECK_OK(swb_ocp_get_optimality(ocp, &found, sizeof found));
+    CHECK(found.verdict == SWB_VERDICT_GLOBAL && found.gap <= 1e-6);
+    CHECK(strcmp(swb_verdict_name(SWB_VERDICT_GLOBAL), "global") == 0);
+    swb_ocp_free(ocp);
+    swb_system_free(system);
+    swb_function_free(f);
+    swb_function_free(rate);
+}
+
 int main(void)
 {
     transitions();
+    choices();
     interrupts();
     phases();
     known_solution();

@@ -424,6 +424,11 @@ public:
             static_cast<int64_t>(states[1].size()), values[1].data(), static_cast<int64_t>(values[1].size()), nullptr));
         return *this;
     }
+    /// A control chooses among values, each held for the time `dwell` at least. See swb_system_add_choice.
+    System &choice(int64_t control, const std::vector<double> &values, double dwell = 0) {
+        detail::check(swb_system_add_choice(get(), control, values.data(), static_cast<int64_t>(values.size()), dwell, nullptr));
+        return *this;
+    }
     /// A discrete state that becomes 1 where `above` passes zero from below, and 0 where `below` passes zero from above: a
     /// value minus its upper and minus its lower threshold.
     System &hysteresis(int64_t state, const Function &above, const Function &below) {

@@ -434,6 +434,11 @@ public:
         built_.reset();
         return static_cast<int64_t>(jumps_.size()) - 1;
     }
+    /// A control, from 0, chooses among values, each held for the time `dwell` at least. See swb_system_add_choice.
+    void choice(int64_t control, const std::vector<double> &values, double dwell = 0) {
+        choices_.push_back({control, dwell, values});
+        built_.reset();
+    }
     /// A discrete value that becomes 1 where `value` exceeds `on` and 0 where it falls below `off`, which is smaller. For a
     /// heater, which goes on below a threshold, negate all three.
     Expr hysteresis(const Expr &value, const Operand &on, const Operand &off, double initial = 0, const std::string &name = "") {
@@ -556,6 +561,8 @@ private:
                     j.from.second.data(), detail::length(j.from.second), j.reset.first.data(), detail::length(j.reset.first),
                     j.reset.second.data(), detail::length(j.reset.second), j.to.first.data(), detail::length(j.to.first),
                     j.to.second.data(), detail::length(j.to.second), nullptr));
+            for (const Choice &c : choices_)
+                detail::check(swb_model_add_choice(m, c.control, c.values.data(), static_cast<int64_t>(c.values.size()), c.dwell, nullptr));
             built_ = std::move(owner);
         }
         return built_.get();
@@ -566,6 +573,12 @@ private:
         return detail::text([&](char *b, int64_t n, int64_t *needed) { return call(m, b, n, needed); });
     }
 
+    /// A control that chooses.
+    struct Choice {
+        int64_t control;
+        double dwell;
+        std::vector<double> values;
+    };
     /// A transition: places of states with values or expressions.
     struct Jump {
         int64_t guard = -1;
@@ -587,6 +600,7 @@ private:
     Vector initial_;
     std::vector<std::vector<std::string>> value_names_;
     std::vector<Jump> jumps_;
+    std::vector<Choice> choices_;
     std::array<Vector, 3> trial_;
     double trial_time_ = 0;
     bool has_trial_ = false;

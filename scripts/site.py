@@ -55,6 +55,7 @@ NAVIGATION = """
       - Use time-freezing: freezing.md
       - Come from other packages: coming_from.md
       - Recipes:
+          - On/off controls: howto/choices.md
           - Pulse width modulation: howto/pwm.md
           - Sampled controllers: howto/sampled.md
           - Terminal events: howto/events.md
@@ -111,6 +112,7 @@ NAVIGATION = """
       - Interior point: dev/algorithms/interior_point.md
       - Complementarity constraints: dev/algorithms/mpcc.md
       - The search for a sequence: dev/algorithms/search.md
+      - Controls that choose: dev/algorithms/choices.md
       - Mode sequences: dev/algorithms/mode_search.md
       - Transitions: dev/algorithms/transitions.md
       - Contacts in optimal control: dev/algorithms/contact_search.md

@@ -560,6 +560,9 @@ static void random_system(struct random *r, const swb_settings *s)
         if (nx > 1)
             DO(swb_system_set_algebraic, system, 1, function_of(r, nx, nu, np, 1));
     }
+    static const double levels[2] = {0.0, 1.0};
+    if (nu > 0 && random_below(r, 3) == 0)
+        DO(swb_system_add_choice, system, 0, levels, 2, 0.5 * random_below(r, 2), NULL);
     swb_ocp *ocp = NULL;
     if (DO(swb_ocp_create, system, 1.0, 2, s, &ocp)) {
         static const double numbers[8] = {0.1, -0.2, 0.3, 0.4, 0.5, -0.6, 0.7, 0.8};

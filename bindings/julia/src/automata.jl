@@ -103,6 +103,27 @@ function add_transition(m::Model, guard::Expression; when = nothing, reset = not
 end
 
 """
+    choice!(model, control, values; dwell = 0)
+
+Say that a control, an expression `model.u[1]`, its name or its number from 1, chooses among values: on or off, a gear. An optimal control
+problem searches the best value for every control stage. Each value that is chosen holds for the time `dwell` at least; the value at the start may
+be left at any time, and the end of the horizon may cut the last one short. Simulations take any value of the control.
+"""
+function choice!(m::Model, control, values; dwell = 0)
+    push!(m.choices, (control_place(m, control), Float64.(collect(values)), Float64(dwell)))
+    m.built = nothing
+    return nothing
+end
+
+control_place(m::Model, control::Integer) = Int64(control) - 1
+function control_place(m::Model, control)
+    same(i) = control isa Expression ? m.u[i].id == control.id : (!isempty(m.names[2][i]) && m.names[2][i] == String(control))
+    places = findall(same, eachindex(m.u))
+    length(places) == 1 || mistake(:range, "choice: $(repr(control)) is no control of the model")
+    return Int64(only(places)) - 1
+end
+
+"""
     hysteresis!(model, value; on, off, initial = 0, name = "")
 
 A discrete value that becomes 1 where `value` exceeds `on`, and 0 where it falls below `off`, which is smaller. For a heater,

@@ -84,6 +84,7 @@ function from_json(::Type{Model}, document; functions = ())
         isempty(names) || (m.value_names[n[1]-n_discrete+k] = Symbol.(split(names, "\n")))
     end
     m.transitions = Any[read_transition(made, graph, k) for k in 0:n_transitions-1]
+    m.choices = Any[(Int64(c["control"]), Float64.(c["values"]), Float64(get(c, "dwell", 0.0))) for c in get(saved, "choices", Any[])]
     m.built = made
     return m
 end

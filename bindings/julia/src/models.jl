@@ -29,6 +29,7 @@ mutable struct Model
     discrete::Vector{Float64} # values with which the last states begin
     transitions::Vector{Any}
     value_names::Dict{Int,Vector{Symbol}} # of discrete states, by their place among all states
+    choices::Vector{Any} # controls from 0, their values, dwell times
 end
 
 variable_names(v::Integer, what) = v < 0 ? mistake(:dimension, "$what is negative: $v") : fill("", v)
@@ -65,7 +66,7 @@ function empty_model(graph, names, name)
     blocks = (Lib.SWB_INPUT_X, Lib.SWB_INPUT_U, Lib.SWB_INPUT_P)
     x, u, p = (inputs(graph, block, 0, length(n)) for (block, n) in zip(blocks, names))
     t = inputs(graph, Lib.SWB_INPUT_T, 0, 1)[1]
-    return Model(plain(name, "name"), names, graph, x, u, p, t, fill(nothing, length(x)), nothing, nothing, Float64[], [], Dict())
+    return Model(plain(name, "name"), names, graph, x, u, p, t, fill(nothing, length(x)), nothing, nothing, Float64[], [], Dict(), [])
 end
 
 function inputs(graph::Graph, block, first, n)
@@ -151,6 +152,7 @@ function built(m::Model)
         check(Lib.swb_model_set_value_names(made, place - 1 - (length(m.x) - length(m.discrete)), join(names, "\n")))
     end
     foreach(t -> add_to(made, m.graph, t), m.transitions)
+    foreach(((u, values, dwell),) -> check(Lib.swb_model_add_choice(made, u, values, length(values), dwell, C_NULL)), m.choices)
     return m.built = made
 end
 

@@ -475,7 +475,7 @@ function optimality_of(o::Ocp)
     kink(i) = (k = Ref{Lib.swb_kink}(); check(Lib.swb_ocp_get_kink(o, i, k, sizeof(Lib.swb_kink))); named(k[]))
     return (verdict = symbol(Lib.NAMES_swb_verdict, c.verdict), residual = c.residual,
             gradient = matrix_from(o, Lib.swb_ocp_get_reduced_gradient), descent = matrix_from(o, Lib.swb_ocp_get_descent),
-            kinks = [kink(i) for i in 0:(c.n_kinks - 1)], reason = text(Lib.swb_ocp_get_optimality_reason, o))
+            kinks = [kink(i) for i in 0:(c.n_kinks - 1)], reason = text(Lib.swb_ocp_get_optimality_reason, o), gap = c.gap)
 end
 
 """
