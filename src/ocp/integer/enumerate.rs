@@ -196,12 +196,20 @@ impl<'a> Simulated<'a> {
             let at_low = Point { t: start, x: x_low, u: &lower[k * nu..(k + 1) * nu], p };
             let at_high = Point { t: end, x: x_high, u: &upper[k * nu..(k + 1) * nu], p };
             let known = f.bounds(&at_low, &at_high, &mut out, &mut most, &mut vec![0.0; 2 * f.work_len()]);
-            if known && !out[0].is_nan() { out[0] } else { f64::NEG_INFINITY }
+            if known && !out[0].is_nan() {
+                out[0]
+            } else {
+                f64::NEG_INFINITY
+            }
         };
-        let ends: Vec<f64> = ocp.durations.iter().scan(ocp.t0, |t, h| {
-            *t += h;
-            Some(*t)
-        }).collect();
+        let ends: Vec<f64> = ocp
+            .durations
+            .iter()
+            .scan(ocp.t0, |t, h| {
+                *t += h;
+                Some(*t)
+            })
+            .collect();
         let end = ends[n - 1];
         let mut left = vec![least(self.e.mayer.as_ref(), n - 1, (end, end)); n + 1];
         for k in (0..n).rev() {
@@ -309,8 +317,9 @@ impl<'a> Simulated<'a> {
         self.levels.write(&b.sequence, &mut u);
         let t = self.ocp.t0 + self.ocp.durations.iter().sum::<f64>();
         let at = Point { t, x, u: &u[(n - 1) * nu..], p: &self.params[(n - 1) * np..] };
-        self.e.terminal.iter().all(|c| {
-            values(&c.f, &at).iter().zip(c.lower.iter().zip(&c.upper)).all(|(v, (l, u))| within(*v, *l, *u))
-        })
+        self.e
+            .terminal
+            .iter()
+            .all(|c| values(&c.f, &at).iter().zip(c.lower.iter().zip(&c.upper)).all(|(v, (l, u))| within(*v, *l, *u)))
     }
 }

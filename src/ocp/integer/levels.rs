@@ -192,7 +192,9 @@ impl Levels {
                 }
             }
             if level.dwell == 0.0 {
-                let least = |k: usize| (0..v).min_by(|a, b| (sums[k + 1][*a] - sums[k][*a]).total_cmp(&(sums[k + 1][*b] - sums[k][*b])));
+                let least = |k: usize| {
+                    (0..v).min_by(|a, b| (sums[k + 1][*a] - sums[k][*a]).total_cmp(&(sums[k + 1][*b] - sums[k][*b])))
+                };
                 (0..n).for_each(|k| out[k * self.n() + c] = least(k).unwrap_or(0) as u16);
                 continue;
             }
@@ -325,8 +327,11 @@ mod tests {
             let l = levels(6, &[0.0, 1.0, 3.0], dwell);
             for _ in 0..20 {
                 let u: Vec<f64> = (0..6).map(|_| 4.0 * numbers.share() - 0.5).collect();
-                let off = |s: &Sequence| s.iter().zip(&u).map(|(at, u)| (u - l.values(0)[usize::from(*at)]).powi(2)).sum::<f64>();
-                let least = all(6, 3).into_iter().filter(|s| l.is_held(s)).map(|s| off(&s)).fold(f64::INFINITY, f64::min);
+                let off = |s: &Sequence| {
+                    s.iter().zip(&u).map(|(at, u)| (u - l.values(0)[usize::from(*at)]).powi(2)).sum::<f64>()
+                };
+                let least =
+                    all(6, 3).into_iter().filter(|s| l.is_held(s)).map(|s| off(&s)).fold(f64::INFINITY, f64::min);
                 let found = l.nearest(&u);
                 assert!(l.is_held(&found) && (off(&found) - least).abs() < 1e-12, "{found:?} {} {least}", off(&found));
             }

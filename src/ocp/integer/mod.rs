@@ -48,7 +48,8 @@ impl Proof {
 }
 
 /// What is said of a problem without an answer.
-const NONE_POSSIBLE: &str = "no sequence of choices meets the constraints: even with choices between their values they cannot be met";
+const NONE_POSSIBLE: &str =
+    "no sequence of choices meets the constraints: even with choices between their values they cannot be met";
 
 impl Ocp {
     /// Solves with the choices as they are fixed or narrowed.
@@ -101,16 +102,14 @@ impl Ocp {
             first = found.all.into_iter().next().map(|f| f.0);
         }
         let Some(best) = proof.better.or(first) else {
-            return Err(stop::requested().map_or_else(
-                || Error::Internal("no sequence of choices was tried".into()),
-                |why| why.error(),
-            ));
+            return Err(stop::requested()
+                .map_or_else(|| Error::Internal("no sequence of choices was tried".into()), |why| why.error()));
         };
         let bounds = space.levels.bounds(self, &best.sequence, &best.sequence);
         drop(space);
         self.adopt_choices(&best, bounds, request, control)?;
         let r = self.result.as_mut().ok_or_else(|| Error::Internal("a solve without a result".into()))?;
-        let own = std::mem::replace(&mut r.stats, Statistics::default());
+        let own = std::mem::take(&mut r.stats);
         let mut stats = budget.stats;
         stats.add(&own);
         r.stats = Statistics { time_total: clock.elapsed().as_secs_f64(), ..stats };
@@ -121,7 +120,9 @@ impl Ocp {
             }
             r.message = match proof.is_complete {
                 true => "no sequence of choices meets the constraints".into(),
-                false => format!("none of the {tried} sequences of choices that were tried has a solution: {}", r.message),
+                false => {
+                    format!("none of the {tried} sequences of choices that were tried has a solution: {}", r.message)
+                }
             };
             return Ok(());
         }
@@ -174,7 +175,13 @@ impl Ocp {
     }
 
     /// Where choices between their values cannot meet the constraints, no sequence can.
-    fn adopt_infeasible(&mut self, bounds: [Vec<f64>; 2], mut r: OcpResult, stats: Statistics, clock: Instant) -> Result<()> {
+    fn adopt_infeasible(
+        &mut self,
+        bounds: [Vec<f64>; 2],
+        mut r: OcpResult,
+        stats: Statistics,
+        clock: Instant,
+    ) -> Result<()> {
         self.chosen = Some(bounds);
         r.outcome = Outcome::Infeasible;
         r.message = match r.message.as_str() {
@@ -198,7 +205,13 @@ impl Ocp {
     }
 
     /// Solves with the choices of the best sequence, from where its program ended, and reports that.
-    fn adopt_choices(&mut self, best: &Ended, bounds: [Vec<f64>; 2], request: &Request, control: &mut Control) -> Result<()> {
+    fn adopt_choices(
+        &mut self,
+        best: &Ended,
+        bounds: [Vec<f64>; 2],
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<()> {
         self.chosen = Some(bounds);
         let guesses = (self.x_guess.take(), self.u_guess.take());
         let elements = &best.result.trajectory.elements;

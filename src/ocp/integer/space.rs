@@ -291,7 +291,11 @@ impl Space for Choices<'_> {
     fn neighbours(&self, s: &Ended) -> (Vec<Neighbour<Sequence>>, Rc<Motion>) {
         let promise = |sequence: &[u16], entries: &[usize]| {
             let step = |e: &usize| self.levels.value(*e, sequence[*e]) - self.levels.value(*e, s.sequence[*e]);
-            if s.is_solution() { entries.iter().map(|e| s.prices[*e] * step(e)).sum() } else { 0.0 }
+            if s.is_solution() {
+                entries.iter().map(|e| s.prices[*e] * step(e)).sum()
+            } else {
+                0.0
+            }
         };
         let of = |c: super::levels::Change| Neighbour {
             promise: promise(&c.sequence, &c.entries),
