@@ -253,6 +253,7 @@ impl Ocp {
                 Err(e) => return Err(e),
             }
         }
+        part(found, control, |found, control| self.take_guess(found, request, control))?;
         if found.best.is_none() && !allowance::is_over() {
             let failed = self.last_result()?.clone();
             part(found, control, |found, control| self.solve_from_simulations(found, &failed, request, control))?;
@@ -344,6 +345,34 @@ impl Ocp {
         }
         let kept = (found.cost() - promised).abs() <= PROMISED * promised.abs().max(found.cost().abs());
         Ok((true, kept && found.is_certified()?))
+    }
+
+    /// Controls that are given are an answer where they meet the constraints, and one of no other cost than theirs; their phases without them fixed, and where
+    /// a descent from them ends, may be better ones.
+    fn take_guess(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
+        let like = found.best.as_ref().and_then(|b| b.result.as_ref()).or(self.result.as_ref());
+        let (Some(controls), Some(like)) = (self.u_guess.clone(), like) else { return Ok(()) };
+        if stop::requested().is_some() {
+            return Ok(());
+        }
+        let (durations, control_ends) = (self.durations.clone(), controls.clone());
+        let from = OcpResult { durations, control_ends, controls: controls.clone(), ..like.clone() };
+        let (known, inside) = (found.known.clone(), request.of_a_part());
+        if let Some(traced) = self.trace_through(&from, &inside.options)? {
+            let mut held = self.blank();
+            held.chosen = Some([controls.clone(), controls]);
+            let mut one = held.solve_traced(&from, (&traced, NEAR), &known, &inside, control)?;
+            // what is said of it as an answer is said of controls that may change
+            one.chosen = None;
+            if let Some(r) = one.result.as_ref() {
+                found.add(r);
+                if r.is_exact() && r.priced < found.cost() {
+                    found.replace(one, &inside)?;
+                }
+            }
+        }
+        self.solve_along(found, &from, NEAR, &known, &inside, control)?;
+        self.aim_from(found, &from, request, control)
     }
 
     /// Where nothing else leads to an exact answer: mode programs along simulations of the controls of smoothed problems, aimed at the
