@@ -54,7 +54,7 @@ impl Ocp {
             if let Some(control) = row.and_then(|i| decides(&c.a, i)) {
                 let text = format!(
                     "pair {k} ('{}') is of controls alone: which of its sides is zero is a choice in every stage, with control {control}, and \
-                     other choices were not compared",
+                     other choices were not compared; declare the choice instead of the pair to have them compared",
                     c.a.name()
                 );
                 return Ok(Some(Choice { text, doubt: None }));
@@ -67,7 +67,7 @@ impl Ocp {
                 let Some(border) = self.at_jump(r, s, (psi, signs, j), &free)? else { continue };
                 let mut text = format!(
                     "control {control} decides a mode by itself (switching function {j} of subsystem {k} sees no state): it is a choice in \
-                     every stage, and other choices were not compared"
+                     every stage, and other choices were not compared; declare it to have them compared"
                 );
                 if let Some(stage) = border {
                     text +=

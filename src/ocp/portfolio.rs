@@ -253,7 +253,9 @@ impl Ocp {
                 Err(e) => return Err(e),
             }
         }
-        part(found, control, |found, control| self.take_guess(found, request, control))?;
+        if found.best.is_none() {
+            part(found, control, |found, control| self.take_guess(found, request, control))?;
+        }
         if found.best.is_none() && !allowance::is_over() {
             let failed = self.last_result()?.clone();
             part(found, control, |found, control| self.solve_from_simulations(found, &failed, request, control))?;
@@ -273,7 +275,17 @@ impl Ocp {
                 Ok(())
             })?;
         }
+        if self.loses_to_guess(found)? {
+            part(found, control, |found, control| self.take_guess(found, request, control))?;
+        }
         part(found, control, |found, control| self.settle(found, request, control))
+    }
+
+    /// Do controls that are given cost less in a simulation than the best answer, and meet the constraints as well?
+    fn loses_to_guess(&self, found: &Candidates) -> Result<bool> {
+        let best = found.best.as_ref().and_then(|b| Some((b.built.as_ref()?, b.result.as_ref()?)));
+        let (Some(u), Some((b, r)), None) = (&self.u_guess, best, stop::requested()) else { return Ok(false) };
+        Ok(self.first_lower(b, r, vec![[u.clone(), u.clone()]])?.is_some())
     }
 
     /// The point with the least violation of all solves of a search that is out of iterations.
@@ -475,7 +487,7 @@ impl Ocp {
         let mut tried = Vec::new();
         let mut before: Option<Sequence> = None;
         let mut left = NEIGHBOURS.max(request.search);
-        let most = found.work + found.work.max(EFFORT);
+        let most = found.work + (self.settings.search_effort * found.work.max(EFFORT) as f64) as usize;
         let (mut followed, mut descended) = (0, 0);
         self.use_idle(found, &form, &n_fe, request, control)?;
         self.clear_best(found, request, control)?;

@@ -24,10 +24,11 @@ pub(super) const DRAWN: usize = 80;
 const PROGRAMS: usize = 3;
 
 impl Ocp {
-    /// Simulations that descents from other controls than those of an answer may take, behind so many iterations.
+    /// Simulations that descents from other controls than those of an answer may take, behind so many iterations: the effort of the search times as many
+    /// as there were iterations, or the least.
     pub(super) fn simulations(&self, from: &OcpResult, iterations: usize) -> usize {
         let least = if self.statement().is_cheap() { LEAST.min(WORK / from.dimensions.0.max(1)) } else { 0 };
-        ((SHARE * iterations as f64) as usize).max(least)
+        (self.settings.search_effort * (SHARE * iterations as f64).max(least as f64)) as usize
     }
 
     /// Looks for a cheaper answer than the best one. Is there one?

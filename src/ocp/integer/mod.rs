@@ -64,7 +64,11 @@ impl Ocp {
     pub(super) fn solve_choices(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<()> {
         let clock = Instant::now();
         let last = if start == Start::Warm { self.result.take() } else { None };
-        let last = last.filter(|r| r.is_solution()).map(|r| r.controls);
+        let mut last = last.filter(|r| r.is_solution()).map(|r| r.controls);
+        if self.shifted.take().is_some() {
+            // the last solution one stage later, which stands where guesses do
+            (last, self.x_guess) = (self.u_guess.take(), None);
+        }
         self.chosen = None;
         let mut budget = Budget::new(f64::INFINITY);
         let mut space = Choices::new(self, last.clone(), request)?;
