@@ -43,8 +43,8 @@ const DRAWN: usize = 100;
 const AIMED: usize = 8;
 /// How often it is followed at most.
 const FOLLOWED: usize = 4;
-/// Share of the time that is left that the homotopy may take before mode programs.
-const HALF: f64 = 0.5;
+/// Share of the time that is left that the homotopy may take before mode programs, and an exact search before others.
+pub(super) const HALF: f64 = 0.5;
 /// Work, iterations times variables, that neighbours may take at least; where more was done before, as much as that.
 const EFFORT: usize = 5_000_000;
 /// Share of the time that is left that a part of a search may take.

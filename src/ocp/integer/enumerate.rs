@@ -56,6 +56,9 @@ impl Ocp {
             && self.x0_bounds[0] == self.x0_bounds[1]
             && self.time == Durations::Fixed
             && self.complementarity.is_empty()
+            && !self.linear.contains(&true)
+            // those are not simulated by events
+            && (self.projected.is_some() || self.system.n_algebraic() == 0 && self.system.inclusions().is_empty())
             && !self.free_params().contains(&true)
     }
 

@@ -109,12 +109,6 @@ impl Levels {
         bounds
     }
 
-    /// Bounds of all controls where nothing is chosen yet.
-    pub fn widest_bounds(&self, ocp: &Ocp) -> [Vec<f64>; 2] {
-        let [low, high] = self.widest();
-        self.bounds(ocp, &low, &high)
-    }
-
     /// The least and the largest value everywhere.
     pub fn widest(&self) -> [Sequence; 2] {
         let largest: Sequence = self.all.iter().map(|l| (l.values.len() - 1) as u16).collect();

@@ -22,13 +22,14 @@ use std::time::Instant;
 use self::enumerate::Simulated;
 use self::space::{Choices, Ended};
 use super::optimality::{Optimality, Verdict};
+use super::portfolio::{HALF, SEARCH};
 use super::request::Request;
 use super::solve::Start;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::nlp::{Control, Outcome, Statistics};
 use crate::search::{explore, Budget, Plan, Source};
-use crate::stop;
+use crate::stop::{self, Why};
 
 /// What an exact search says.
 struct Proof {
@@ -44,6 +45,40 @@ impl Proof {
     /// Nothing is known.
     fn none() -> Proof {
         Proof { better: None, gap: f64::INFINITY, is_complete: false }
+    }
+}
+
+/// What is said of the best sequence.
+struct Claim {
+    /// Were all sequences next to it tried?
+    settled: bool,
+    is_proven: bool,
+    gap: f64,
+    /// Why the search was cut, where it was.
+    cut: Option<Why>,
+}
+
+impl Claim {
+    fn nothing() -> Claim {
+        Claim { settled: false, is_proven: false, gap: f64::INFINITY, cut: None }
+    }
+}
+
+/// What a search over choices ended with.
+struct SearchOver {
+    /// The best sequence, with the bounds of all controls where its choices are made.
+    best: Option<(Ended, [Vec<f64>; 2])>,
+    /// The problem with choices between their values, where that shows that there is no answer.
+    relaxed: Option<OcpResult>,
+    tried: usize,
+    claim: Claim,
+}
+
+/// An exact search that time has cut proves nothing; what was found before it stays.
+fn in_time(proof: Result<Proof>) -> Result<Proof> {
+    match proof {
+        Err(Error::Interrupted | Error::OutOfTime) => Ok(Proof::none()),
+        other => other,
     }
 }
 
@@ -71,58 +106,94 @@ impl Ocp {
         }
         self.chosen = None;
         let mut budget = Budget::new(f64::INFINITY);
-        let mut space = Choices::new(self, last.clone(), request)?;
+        // what is left behind the search is for its best sequence
+        let found = control.sooner(SEARCH, |control| self.search_choices(last, request, &mut budget, control))?;
+        match (found.best, found.relaxed) {
+            (Some((best, bounds)), _) => {
+                self.adopt_choices(&best, bounds, request, control)?;
+                self.tell_of_choices(best.is_solution(), found.tried, &found.claim)?;
+            }
+            (None, Some(relaxed)) => self.result = Some(relaxed),
+            (None, None) => {
+                let none = || Error::Internal("no sequence of choices was tried".into());
+                return Err(stop::requested().or(found.claim.cut).map_or_else(none, |why| why.error()));
+            }
+        }
+        let r = self.result.as_mut().ok_or_else(|| Error::Internal("a solve without a result".into()))?;
+        let own = std::mem::take(&mut r.stats);
+        budget.stats.add(&own);
+        r.stats = Statistics { time_total: clock.elapsed().as_secs_f64(), ..budget.stats };
+        Ok(())
+    }
+
+    /// The best sequence of a search, and what may be said of it.
+    fn search_choices(
+        &self,
+        last: Option<Vec<f64>>,
+        request: &Request,
+        budget: &mut Budget,
+        control: &mut Control,
+    ) -> Result<SearchOver> {
+        let is_cold = last.is_none();
         let plan = Plan {
-            sources: match last {
-                Some(_) => vec![Source::Guess],
-                None => vec![Source::Guess, Source::Relaxation, Source::Simulation, Source::Samples],
+            sources: match is_cold {
+                true => vec![Source::Guess, Source::Relaxation, Source::Simulation, Source::Samples],
+                false => vec![Source::Guess],
             },
-            effort: if last.is_some() { 0.0 } else { self.settings.search_effort },
+            effort: if is_cold { self.settings.search_effort } else { 0.0 },
             gain: self.settings.search_gain,
             least_tried: request.search,
             any: !self.has_costs(),
         };
-        let convex = last.is_none() && self.relaxes_to_convex();
+        let mut space = Choices::new(self, last, request)?;
+        let convex = is_cold && self.relaxes_to_convex();
         if convex {
-            let r = space.relax(&mut budget, control)?.clone();
+            let r = space.relax(budget, control)?;
             if matches!(r.outcome, Outcome::Infeasible | Outcome::LocallyInfeasible) {
-                // of a convex problem the one is the other
-                return self.adopt_infeasible(space.levels.widest_bounds(self), r, budget.stats, clock);
+                // of a convex problem the one is the other, and where choices between their values do not help no sequence does
+                let why = if r.message.is_empty() { String::new() } else { format!(": {}", r.message) };
+                let relaxed = OcpResult {
+                    outcome: Outcome::Infeasible,
+                    message: format!("{NONE_POSSIBLE}{why}"),
+                    stats: Statistics::default(),
+                    ..r.clone()
+                };
+                return Ok(SearchOver { best: None, relaxed: Some(relaxed), tried: 0, claim: Claim::nothing() });
             }
         }
         let mut proof = Proof::none();
-        if last.is_none() && self.has_costs() {
-            proof = self.simulate_all(&mut space, request, (&mut budget, control))?;
+        if is_cold && self.has_costs() {
+            let all = control.sooner(HALF, |control| self.simulate_all(&mut space, request, (budget, control)));
+            proof = in_time(all)?;
         }
         let (mut tried, mut settled, mut first) = (0, true, None);
         if !(proof.is_complete && proof.better.is_some()) {
-            let found = explore(&mut space, &plan, &mut budget, control)?;
+            let found = explore(&mut space, &plan, budget, control)?;
             let best = found.all.first().map(|f| &f.0).filter(|e| e.is_solution());
-            if last.is_none() && !proof.is_complete && stop::requested().is_none() {
-                proof = self.prove(&mut space, best, convex, request, (&mut budget, control))?;
+            if is_cold && !proof.is_complete && stop::requested().is_none() {
+                proof = in_time(self.prove(&mut space, best, convex, request, (budget, control)))?;
             }
             settled = found.settled && proof.better.is_none();
             tried = found.tried;
             first = found.all.into_iter().next().map(|f| f.0);
         }
-        let Some(best) = proof.better.or(first) else {
-            return Err(stop::requested()
-                .map_or_else(|| Error::Internal("no sequence of choices was tried".into()), |why| why.error()));
+        let claim = Claim { settled, is_proven: proof.is_complete, gap: proof.gap, cut: stop::requested() };
+        let with_bounds = |e: Ended| {
+            let bounds = space.levels.bounds(self, &e.sequence, &e.sequence);
+            (e, bounds)
         };
-        let bounds = space.levels.bounds(self, &best.sequence, &best.sequence);
-        drop(space);
-        self.adopt_choices(&best, bounds, request, control)?;
+        Ok(SearchOver { best: proof.better.or(first).map(with_bounds), relaxed: None, tried, claim })
+    }
+
+    /// Writes into the result what is known of its choices among all.
+    fn tell_of_choices(&mut self, solved: bool, tried: usize, claim: &Claim) -> Result<()> {
         let r = self.result.as_mut().ok_or_else(|| Error::Internal("a solve without a result".into()))?;
-        let own = std::mem::take(&mut r.stats);
-        let mut stats = budget.stats;
-        stats.add(&own);
-        r.stats = Statistics { time_total: clock.elapsed().as_secs_f64(), ..stats };
-        if !best.is_solution() {
+        if !solved {
             if matches!(r.outcome, Outcome::Infeasible | Outcome::LocallyInfeasible) {
                 // that of one sequence says nothing of the others
-                r.outcome = if proof.is_complete { Outcome::Infeasible } else { Outcome::LocallyInfeasible };
+                r.outcome = if claim.is_proven { Outcome::Infeasible } else { Outcome::LocallyInfeasible };
             }
-            r.message = match proof.is_complete {
+            r.message = match claim.is_proven {
                 true => "no sequence of choices meets the constraints".into(),
                 false => {
                     format!("none of the {tried} sequences of choices that were tried has a solution: {}", r.message)
@@ -130,11 +201,11 @@ impl Ocp {
             };
             return Ok(());
         }
-        if let Some(why) = stop::requested() {
+        if let Some(why) = claim.cut.or(stop::requested()) {
             r.tell_cut(why);
         }
         if let Some(o) = r.optimality.as_mut() {
-            o.judge_choices(settled, proof.is_complete, proof.gap);
+            o.judge_choices(claim);
         }
         Ok(())
     }
@@ -178,25 +249,6 @@ impl Ocp {
         Ok(Proof::none())
     }
 
-    /// Where choices between their values cannot meet the constraints, no sequence can.
-    fn adopt_infeasible(
-        &mut self,
-        bounds: [Vec<f64>; 2],
-        mut r: OcpResult,
-        stats: Statistics,
-        clock: Instant,
-    ) -> Result<()> {
-        self.chosen = Some(bounds);
-        r.outcome = Outcome::Infeasible;
-        r.message = match r.message.as_str() {
-            "" => NONE_POSSIBLE.into(),
-            why => format!("{NONE_POSSIBLE}: {why}"),
-        };
-        r.stats = Statistics { time_total: clock.elapsed().as_secs_f64(), ..stats };
-        self.result = Some(r);
-        Ok(())
-    }
-
     /// One solve with fixed choices and all that surrounds it.
     fn solve_adopted(&mut self, request: &Request, control: &mut Control) -> Result<()> {
         if self.settings.adapt_tol > 0.0 && !self.has_transitions() {
@@ -217,6 +269,11 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<()> {
         self.chosen = Some(bounds);
+        if stop::requested().is_some() {
+            // there is no time to solve for it again
+            (self.built, self.result) = (None, Some(best.result.clone()));
+            return Ok(());
+        }
         let guesses = (self.x_guess.take(), self.u_guess.take());
         let elements = &best.result.trajectory.elements;
         let rises = elements.iter().all(|e| e.h > 0.0);
@@ -234,16 +291,16 @@ impl Ocp {
 
 impl Optimality {
     /// What an answer is among all choices: a verdict so far was one among answers with the same choices.
-    fn judge_choices(&mut self, settled: bool, proven: bool, gap: f64) {
+    fn judge_choices(&mut self, claim: &Claim) {
         if !matches!(self.verdict, Verdict::LocalOptimum | Verdict::Kink) {
             return;
         }
-        if gap.is_finite() {
-            self.gap = gap;
+        if claim.gap.is_finite() {
+            self.gap = claim.gap;
         }
-        if proven {
+        if claim.is_proven {
             (self.verdict, self.reason) = (Verdict::Global, "no other choices are better");
-        } else if settled {
+        } else if claim.settled {
             self.reason = "choices next to these were tried, and none is better";
         } else {
             self.withdraw("not all choices next to these were tried");
