@@ -127,6 +127,9 @@ fn files(stub: &str) -> (PathBuf, PathBuf) {
     (PathBuf::from(format!("{base}.nl")), PathBuf::from(format!("{base}.sol")))
 }
 
+/// What weights of a conflict, the largest of which is 1, may leave over: they are those of a minimiser, not of an exact one.
+const PROOF: f64 = 1e-6;
+
 /// Solves a problem. What goes wrong from here on is a result for AMPL, too.
 ///
 /// # Errors
@@ -202,7 +205,7 @@ fn report(problem: &Problem, options: &Options, objective: Option<usize>, t: &Tr
     }
     let mut message = heading(&verdict.text);
     if let Some(f) = truth.objective {
-        message += &format!("\nobjective {f}");
+        message += &format!("\nobjective {}", number(f));
     }
     message += &format!("\n{} iterations; largest violation {:.1e}", found.stats.iterations, truth.violation);
     if problem.header.n_integer > 0 {
@@ -210,6 +213,16 @@ fn report(problem: &Problem, options: &Options, objective: Option<usize>, t: &Tr
     }
     let suffixes = suffixes(t, found, &answer, has_pairs);
     Sol { message, duals: answer.duals, primals: answer.x, code: verdict.code, suffixes, ..Sol::default() }
+}
+
+/// A number as it is read most easily, all digits of it.
+fn number(v: f64) -> String {
+    let (plain, short) = (format!("{v}"), format!("{v:e}"));
+    if plain.len() <= short.len() + 4 {
+        plain
+    } else {
+        short
+    }
 }
 
 fn suffixes(t: &Translated, found: &Solution, answer: &Answer, has_pairs: bool) -> Vec<Suffix> {
@@ -225,7 +238,8 @@ fn suffixes(t: &Translated, found: &Solution, answer: &Answer, has_pairs: bool) 
             },
         ));
     }
-    if let Some(conflict) = &found.conflict {
+    // weights that prove nothing are not given
+    if let Some(conflict) = found.conflict.as_ref().filter(|c| c.gap > 0.0 && c.residual <= PROOF) {
         let (rows, variables) = t.conflict(conflict);
         out.push(Suffix::real("conflict", Kind::Constraints, &rows));
         out.push(Suffix::real("conflict", Kind::Variables, &variables));

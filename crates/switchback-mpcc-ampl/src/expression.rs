@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use crate::nl::{kinks, Forest, Node, Operator, Place, Problem};
 use crate::statement::Statement;
-use switchback::expr::{Binary, Id, Unary};
+use switchback::expr::{Binary, Dag, Id, Unary};
 use switchback::linalg::csc::Pattern;
 use switchback::{Callback, Dims, Error, Function, Result};
 
@@ -121,7 +121,7 @@ impl<'a> Translation<'a> {
             O::Power => d.pow(a, b),
             O::Negate => d.neg(a),
             O::Square => d.powi(a, 2),
-            O::Sum => args[1..].iter().fold(a, |sum, v| d.add(sum, *v)),
+            O::Sum => sum(d, args),
             O::Tanh => d.unary(Unary::Tanh, a),
             O::Tan => d.unary(Unary::Tan, a),
             O::Sqrt => d.unary(Unary::Sqrt, a),
@@ -209,6 +209,15 @@ impl<'a> Translation<'a> {
         let out = to.dag.call(&function, &[a, time])?;
         out.first().copied().ok_or_else(|| Error::Internal(format!("{name} has no value")))
     }
+}
+
+/// A sum by pairs: its depth is the logarithm of the number of terms, and so are rounding errors.
+fn sum(d: &mut Dag, terms: &[Id]) -> Id {
+    let mut terms = terms.to_vec();
+    while terms.len() > 1 {
+        terms = terms.chunks(2).map(|pair| if let [a, b] = *pair { d.add(a, b) } else { pair[0] }).collect();
+    }
+    terms[0]
 }
 
 /// Writes a value; 1 where it is not finite, for a function that is not defined there.

@@ -255,6 +255,6 @@ mod tests {
         assert_eq!((Round.value(&[2.345, 2.0]), Truncate.value(&[-2.7, 0.0])), (2.35, -2.0));
         assert_eq!((Precision.value(&[123.456, 2.0]), IntegerDivide.value(&[-7.0, 2.0])), (120.0, -3.0));
         assert_eq!((If.value(&[1.0, 2.0, 3.0]), If.value(&[0.0, 2.0, 3.0])), (2.0, 3.0));
-        assert_eq!((And.value(&[1.0, 0.0]), Or.value(&[1.0, 0.0]), Not.value(&[0.0])), (1.0, 1.0, 1.0));
+        assert_eq!((And.value(&[1.0, 0.0]), Or.value(&[1.0, 0.0]), Not.value(&[0.0])), (0.0, 1.0, 1.0));
     }
 }

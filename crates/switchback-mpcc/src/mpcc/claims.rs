@@ -60,6 +60,20 @@ impl MpccSolver {
         true
     }
 
+    /// Asks a program without pairs that has no answer, which is one branch, what its linear rows show: that there is no point, or that
+    /// the objective has no lower bound.
+    pub(super) fn ask_rows(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64]) {
+        let open = matches!(self.solution.outcome, Outcome::Stalled | Outcome::MaxIter | Outcome::Diverging);
+        if !open || stop::requested().is_some() {
+            return;
+        }
+        if self.ask_branches(p, bounds, x0).empty {
+            self.solution.outcome = Outcome::Infeasible;
+        } else {
+            self.find_ray(p, bounds, x0);
+        }
+    }
+
     /// The last word of a solve: a point that is called a solution meets rows and pairs in the units of the program, and a call that
     /// had no more iterations says so.
     pub(super) fn conclude(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64]) {

@@ -262,6 +262,9 @@ impl MpccSolver {
             }
             p.set_polishing(false);
             self.certify_curvature(p, bounds);
+            if !p.is_discretised() && !self.is_part {
+                self.ask_rows(p, bounds, x0);
+            }
         } else {
             // relaxations that cut the corner have a saddle on the diagonal
             let interior = matches!(s.relaxation, Relaxation::Scholtes | Relaxation::RaghunathanBiegler);
