@@ -6,7 +6,7 @@
 # make check     everything that must hold before a commit; what .ci/run runs. Of a library without link-time optimisation, which two
 #                processors build in half of the time; make check PROFILE=release checks what is shipped
 # make quick     formatting, layers and unit tests, while one works: two minutes after a change of one line
-# make install   library, header, CMake and pkg-config files into PREFIX
+# make install   library, header, CMake and pkg-config files, and the solver for AMPL, into PREFIX
 # make header    write what is made of options.toml of the settings, include/switchback.h, include/api.json, and from that what Python and Julia declare
 # make platforms  build for aarch64, musl, Windows, WebAssembly and macOS, and run the C tests there where this machine can; takes long
 # make release   the wheel, the source distribution and the crates of this version, in dist/, tried in empty environments; takes long
@@ -40,7 +40,7 @@ HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml -
 .PHONY: all build demo examples benchmarks site pictures check quick nightly install header docs deps clean fuzz \
 	demo-report demo-c demo-python stage stage-examples \
 	check-format check-lint check-rust check-header check-stage check-c check-examples check-pkgconfig check-python \
-	check-julia check-hostile check-crate
+	check-julia check-hostile check-crate check-ampl
 
 all: build
 
@@ -151,7 +151,7 @@ fuzz-faults: stage
 
 # What is checked once the library, the Python package and the examples in C are there, the longest first: as many at a time as there are
 # processors. INSTALLED says so to steps that would make them themselves.
-STEPS := rust hostile python c julia lint crate examples header pkgconfig
+STEPS := rust hostile python c julia lint crate ampl examples header pkgconfig
 
 # Each step writes into its own file, which follows when it has ended, with how long it took.
 check: PROFILE = tests
@@ -255,6 +255,12 @@ ifneq ($(wildcard bindings/python/pyproject.toml),)
 	$(if $(INSTALLED),,$(MAKE) wheel)
 	cd $(BUILD) && MPLBACKEND=Agg $(VENV)/bin/python -m pytest -q -rs --durations=12 -p no:cacheprovider $(CURDIR)/bindings/python/tests
 endif
+
+# Problems that Pyomo writes and the solver for AMPL solves; the installed one where there is one.
+check-ampl:
+	$(if $(INSTALLED),,$(MAKE) build)
+	SWITCHBACK_MPCC_AMPL=$(if $(INSTALLED),$(BUILD)/moved/bin,$(LIBRARY))/switchback-mpcc-ampl \
+		$(VENV)/bin/python -m pytest -q -rs -p no:cacheprovider crates/switchback-mpcc-ampl/pyomo
 
 check-hostile:
 	$(FUZZ) check

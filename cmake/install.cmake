@@ -160,6 +160,19 @@ if(EXISTS "${static}")
   endif()
 endif()
 
+# The solver that AMPL, Pyomo and JuMP call.
+foreach(program switchback-mpcc-ampl switchback-mpcc-ampl.exe)
+  if(EXISTS "${BUILD_DIR}/${program}")
+    put("${BUILD_DIR}/${program}" "${dest}/bin")
+    if(OBJCOPY)
+      objcopy(stripped --strip-unneeded "${dest}/bin/${program}")
+      if(NOT stripped)
+        message(STATUS "not stripped: ${dest}/bin/${program}")
+      endif()
+    endif()
+  endif()
+endforeach()
+
 # From lib/cmake/switchback and lib/pkgconfig back to the prefix.
 file(RELATIVE_PATH TO_PREFIX "/${LIBDIR}/cmake/switchback" "/")
 file(RELATIVE_PATH PC_TO_PREFIX "/${LIBDIR}/pkgconfig" "/")

@@ -52,6 +52,7 @@ NAVIGATION = """
       - Solve optimal control problems: ocp.md
       - Control in real time: nmpc.md
       - Solve programs with complementarity constraints: mpcc.md
+      - Solve problems of AMPL, Pyomo and JuMP: ampl.md
       - Use time-freezing: freezing.md
       - Come from other packages: coming_from.md
       - Recipes:

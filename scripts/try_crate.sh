@@ -10,7 +10,7 @@ version=$(sed -n 's/^version *= *"\(.*\)"/\1/p' Cargo.toml | head -n 1)
 rm -rf "$place/unpacked" "$place/dependent" "$packages"
 mkdir -p "$place/unpacked"
 cargo package --quiet --workspace --offline --no-verify --allow-dirty --target-dir "$place/package"
-for name in switchback switchback-mpcc switchback-capi; do
+for name in switchback switchback-mpcc switchback-capi switchback-mpcc-ampl; do
     # as new: what is in a package has one date, and cargo builds by dates
     tar -xzmf "$packages/$name-$version.crate" -C "$place/unpacked"
     mv "$place/unpacked/$name-$version" "$place/unpacked/$name"
@@ -38,9 +38,16 @@ printf '\n[workspace]\n' >> "$place/unpacked/switchback-capi/Cargo.toml"
 cargo build --quiet --offline --manifest-path "$place/unpacked/switchback-capi/Cargo.toml" --config profile.dev.opt-level=0 \
     --config "patch.crates-io.switchback.path='$place/unpacked/switchback'" \
     --config "patch.crates-io.switchback-mpcc.path='$place/unpacked/switchback-mpcc'"
+# The solver for AMPL is, too: it solves a small problem.
+cp Cargo.lock "$place/unpacked/switchback-mpcc-ampl/"
+printf '\n[workspace]\n' >> "$place/unpacked/switchback-mpcc-ampl/Cargo.toml"
+cargo build --quiet --offline --manifest-path "$place/unpacked/switchback-mpcc-ampl/Cargo.toml" --config profile.dev.opt-level=0 \
+    --config "patch.crates-io.switchback.path='$place/unpacked/switchback'" \
+    --config "patch.crates-io.switchback-mpcc.path='$place/unpacked/switchback-mpcc'"
+"$place/target/debug/switchback-mpcc-ampl" crates/switchback-mpcc-ampl/tests/data/jr1 | grep "optimal solution (S-stationary, B-stationary)"
 # It is loaded by its soname.
 ln -sf libswitchback.so "$place/target/debug/libswitchback.so.${version%.*}"
 cc -Wall -Werror -I"$place/unpacked/switchback-capi/include" examples/c/friction.c -o "$place/friction" \
     -L"$place/target/debug" -lswitchback -Wl,-rpath,"$place/target/debug" -lm
 "$place/friction" "$place"
-[ -z "${2:-}" ] || for name in switchback switchback-mpcc switchback-capi; do cp "$packages/$name-$version.crate" "$2/"; done
+[ -z "${2:-}" ] || for name in switchback switchback-mpcc switchback-capi switchback-mpcc-ampl; do cp "$packages/$name-$version.crate" "$2/"; done

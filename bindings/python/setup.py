@@ -78,7 +78,7 @@ class SourceWithCrate(sdist):
         if CRATE.is_dir():
             shutil.copytree(CRATE, crate, ignore=shutil.ignore_patterns("target"))
             return
-        for part in (".", "crates/switchback-mpcc", "crates/switchback-capi"):
+        for part in (".", "crates/switchback-mpcc", "crates/switchback-capi", "crates/switchback-mpcc-ampl"):
             (crate / part).mkdir(parents=True)
             for name in ("Cargo.lock", "build.rs", "LICENSE", "README.md"):
                 if (root / part / name).is_file():

@@ -1,6 +1,7 @@
 //! The command: reads a problem, solves it, writes what was found.
 
 use std::io::Write;
+use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::path::PathBuf;
 
 use crate::nl::{self, Problem};
@@ -142,16 +143,22 @@ pub fn solve(problem: &Problem, options: &Options, out: &mut dyn Write) -> Resul
         return Err(Error::Option(format!("option 'objno' is {objno}, and the problem has {n_objs} objectives")));
     }
     let max_memory = options.settings.max_memory;
-    let found = memory::bounded(max_memory, || solved(problem, options, objno.checked_sub(1), out));
+    let found = caught(|| memory::bounded(max_memory, || solved(problem, options, objno.checked_sub(1), out)));
     let sol = found.unwrap_or_else(|e| {
         let code = match e {
             Error::Library(_) => 403,
             Error::Unsupported(_) => 510,
+            Error::Internal(_) => 599,
             _ => 511,
         };
         Sol { code, message: heading(&e.to_string()), ..Sol::default() }
     });
     Ok(Sol { objno, ..sol })
+}
+
+/// A defect of the solver is a result, too.
+fn caught<R>(body: impl FnOnce() -> Result<R>) -> Result<R> {
+    catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|_| Err(Error::Internal("the solver has panicked".into())))
 }
 
 fn heading(text: &str) -> String {
@@ -199,7 +206,7 @@ fn report(problem: &Problem, options: &Options, objective: Option<usize>, t: &Tr
     let has_pairs = !t.program.pairs().is_empty();
     let mut own = found.clone();
     own.objective = t.objective(found.objective);
-    let mut verdict = Verdict::of(&own, has_pairs, &truth, options.settings.tol);
+    let mut verdict = Verdict::of(&own, has_pairs, &truth, &options.settings);
     if let (Outcome::Failed, Some(part)) = (found.outcome, t.program.undefined()) {
         verdict.text += &format!(" (no {part})");
     }
@@ -274,7 +281,8 @@ fn constant(problem: &Problem, objective: Option<usize>, tol: f64) -> Sol {
 
 /// Bounds with nothing between them.
 fn crossed(problem: &Problem) -> Option<String> {
-    let text = |what: &str, k: usize, l: f64, u: f64| format!("{what} {k} has the lower bound {l} above the upper bound {u}");
+    let text =
+        |what: &str, k: usize, l: f64, u: f64| format!("{what} {k} has the lower bound {l} above the upper bound {u}");
     let of_variables = problem.bounds.iter().enumerate().map(|(j, b)| ("variable", j, *b));
     let of_rows = problem.rows.iter().enumerate().filter_map(|(i, r)| match r {
         nl::Row::Within(l, u) => Some(("constraint", i, (*l, *u))),

@@ -21,12 +21,7 @@ pub struct Translation<'a> {
 
 impl<'a> Translation<'a> {
     /// Translates what the roots are made of; `variables` are the variables of the problem in the graph.
-    pub fn new(
-        problem: &'a Problem,
-        roots: &[Place],
-        variables: &[Id],
-        to: &mut Statement,
-    ) -> Result<Translation<'a>> {
+    pub fn new(problem: &'a Problem, roots: &[Place], variables: &[Id], to: &mut Statement) -> Result<Translation<'a>> {
         let forest = &problem.forest;
         let mut used = vec![false; forest.nodes().len()];
         roots.iter().for_each(|r| used[*r as usize] = true);
@@ -88,7 +83,8 @@ impl<'a> Translation<'a> {
     }
 
     fn refuse(&self, what: &str) -> Error {
-        let name = what.strip_prefix("imported function ").and_then(|k| self.problem.functions.get(k.parse::<usize>().ok()?));
+        let name =
+            what.strip_prefix("imported function ").and_then(|k| self.problem.functions.get(k.parse::<usize>().ok()?));
         let what = name.map_or_else(|| what.to_owned(), |name| format!("the imported function {name}"));
         Error::Unsupported(format!("the problem uses {what}, which is not supported: write it with other operators"))
     }

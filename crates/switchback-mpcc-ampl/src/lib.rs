@@ -21,6 +21,6 @@ pub mod options;
 pub mod program;
 pub mod sol;
 pub mod statement;
-pub mod truth;
 pub mod translate;
+pub mod truth;
 pub mod verdict;

@@ -43,7 +43,7 @@ fn has_effect(o: &OptionInfo) -> bool {
         return true;
     }
     let usual = MpccSettings::default();
-    let others = (0..9).map(|v| Value::Int(v)).chain([0.5, 2.0].map(|f| Value::Float(f * o.default)));
+    let others = (0..9).map(Value::Int).chain([0.5, 2.0].map(|f| Value::Float(f * o.default)));
     let mut others = others.chain([Value::Float(1e-3)]);
     others.any(|v| {
         let mut s = Settings::default();
@@ -61,7 +61,8 @@ impl Options {
         let mut words = apart.split_whitespace().map(|w| w.trim_matches(|c| c == '"' || c == '\''));
         while let Some(name) = words.next() {
             let value = words.next();
-            let value = value.ok_or_else(|| Error::Option(format!("option '{name}' has no value: write {name}=value")))?;
+            let value =
+                value.ok_or_else(|| Error::Option(format!("option '{name}' has no value: write {name}=value")))?;
             self.set(name, value)?;
         }
         Ok(())
@@ -70,7 +71,8 @@ impl Options {
     fn set(&mut self, name: &str, value: &str) -> Result<()> {
         if let Some((_, top, ..)) = OWN.iter().find(|o| o.0 == name) {
             let number = value.parse::<i64>();
-            let number = number.map_err(|_| Error::Option(format!("option '{name}' takes an integer, not '{value}'")))?;
+            let number =
+                number.map_err(|_| Error::Option(format!("option '{name}' takes an integer, not '{value}'")))?;
             if !(0..=*top).contains(&number) {
                 return Err(Error::Range(format!("option '{name}' is {number}, outside [0, {top}]")));
             }
@@ -135,7 +137,9 @@ mod tests {
     fn the_list_has_what_the_solver_takes() {
         let all = list();
         let has = |name: &str| all.lines().any(|l| l.starts_with(&format!("{name} ")));
-        for name in ["objno", "tol", "max_iter", "max_time", "max_memory", "sigma_min", "polish", "relaxation", "portfolio"] {
+        for name in
+            ["objno", "tol", "max_iter", "max_time", "max_memory", "sigma_min", "polish", "relaxation", "portfolio"]
+        {
             assert!(has(name), "{name}");
         }
         for name in ["n_s", "rtol", "mode_search", "log_level", "explain", "initial_guess"] {

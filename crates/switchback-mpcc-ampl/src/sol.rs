@@ -125,7 +125,8 @@ mod tests {
 
     #[test]
     fn a_file_is_as_ampl_reads_it() {
-        let header = Header { options: vec![1, 3, 0], tolerance: Some(1e-3), n_vars: 2, n_cons: 1, ..Header::default() };
+        let header =
+            Header { options: vec![1, 3, 0], tolerance: Some(1e-3), n_vars: 2, n_cons: 1, ..Header::default() };
         let sol = Sol {
             message: "found\n\nobjective 1".into(),
             duals: vec![-0.5],

@@ -18,10 +18,8 @@ pub struct Truth {
 /// Looks at the point `x`.
 pub fn look(problem: &Problem, objective: Option<usize>, x: &[f64]) -> Truth {
     let nodes = problem.forest.values(x);
-    let mut truth = Truth {
-        objective: objective.map(|k| problem.objectives[k].body.value(x, &nodes)),
-        ..Truth::default()
-    };
+    let mut truth =
+        Truth { objective: objective.map(|k| problem.objectives[k].body.value(x, &nodes)), ..Truth::default() };
     for (j, (v, (l, u))) in x.iter().zip(&problem.bounds).enumerate() {
         let miss = (l - v).max(v - u).max(0.0);
         truth.take(miss / finite(&[*l, *u]), || format!("variable {j}"));

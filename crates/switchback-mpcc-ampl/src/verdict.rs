@@ -3,7 +3,7 @@
 use crate::truth::Truth;
 use switchback::mpcc::{BStationarity, Certificate, Doubt, Polish, Solution, Stationarity};
 use switchback::nlp::SecondOrder;
-use switchback::Outcome;
+use switchback::{Outcome, Settings};
 
 /// `solve_result_num` and the words for it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -23,10 +23,10 @@ impl Verdict {
         Verdict { code, text: text.into() }
     }
 
-    /// Of a solution, for a program with pairs or without, with what its point is worth, and the tolerance `tol`.
-    pub fn of(found: &Solution, has_pairs: bool, truth: &Truth, tol: f64) -> Verdict {
+    /// Of a solution, for a program with pairs or without, with what its point is worth, and the options of the solve.
+    pub fn of(found: &Solution, has_pairs: bool, truth: &Truth, settings: &Settings) -> Verdict {
         match found.outcome {
-            Outcome::Solved => return Verdict::solved(found, has_pairs, truth, tol),
+            Outcome::Solved => Verdict::solved(found, has_pairs, truth, settings),
             Outcome::Infeasible => Verdict::new(200, "infeasible"),
             Outcome::LocallyInfeasible => Verdict::new(
                 201,
@@ -42,10 +42,15 @@ impl Verdict {
         }
     }
 
-    fn solved(found: &Solution, has_pairs: bool, truth: &Truth, tol: f64) -> Verdict {
-        let missed = !(truth.violation <= ALLOWED * tol);
-        let cost = truth.objective.unwrap_or(0.0);
-        let other = truth.objective.is_some() && !((cost - found.objective).abs() <= ALLOWED * tol * cost.abs().max(1.0));
+    fn solved(found: &Solution, has_pairs: bool, truth: &Truth, settings: &Settings) -> Verdict {
+        let relaxed = has_pairs && found.polish != Polish::Done;
+        // some relaxations bound products by their parameter, so that members are as large as its root
+        let root = if relaxed { 2.0 * settings.sigma_min.sqrt() } else { 0.0 };
+        let allowed = root.max(ALLOWED * settings.tol);
+        let missed = truth.violation.is_nan() || truth.violation > allowed;
+        let cost = truth.objective.unwrap_or(found.objective);
+        let apart = (cost - found.objective).abs();
+        let other = apart.is_nan() || apart > allowed * cost.abs().max(1.0);
         if missed || other {
             let why = if missed {
                 format!("{} violates its bounds by {:.1e}", truth.place, truth.violation)
@@ -64,7 +69,7 @@ impl Verdict {
                 _ => Verdict::new(0, "optimal solution (a stationary point)"),
             };
         }
-        if found.polish != Polish::Done {
+        if relaxed {
             return Verdict::new(103, "solution of a relaxation: pairs are not exactly complementary");
         }
         let Certificate { stationarity, b, doubt, second, .. } = found.certificate;

@@ -216,8 +216,7 @@ fn a_point_on_a_step_is_told() {
     assert!(s.message.contains("constraint 0 violates its bounds by 5"), "{}", s.message);
     // min |x - 3| + |x + 1| + 2 |x - 1|, whose kink is the solution
     let abs = |c: &str| format!("o15\no0\nv0\nn{c}\n");
-    let text = header(1, 0, 1, 0, 0)
-        + "O0 0\no54\n3\n" + &abs("-3") + &abs("1") + "o2\nn2\n" + &abs("-1") + "b\n3\n";
+    let text = header(1, 0, 1, 0, 0) + "O0 0\no54\n3\n" + &abs("-3") + &abs("1") + "o2\nn2\n" + &abs("-1") + "b\n3\n";
     let s = solved(&text, "");
     assert_eq!(s.code, 0, "{}", s.message);
     near(&s.primals, &[1.0]);
@@ -257,4 +256,18 @@ fn the_command_writes_what_ampl_reads() {
         assert!(run(&["-?"], "").1.contains("-AMPL"));
     }
     std::fs::remove_dir_all(&place).unwrap();
+}
+
+/// A file of Pyomo 6: Jiang and Ralph's first problem, with a variable for the function that is in the pair.
+#[test]
+fn a_file_of_pyomo() {
+    let s = solved(include_str!("data/jr1.nl"), "");
+    assert_eq!(s.code, 0, "{}", s.message);
+    near(&s.primals, &[0.5, 0.5, 0.0]);
+    assert_eq!(solved(include_str!("data/jr1.nl"), "polish=off").code, 103);
+    let numbers = |name: &str| s.suffixes.iter().find(|s| s.name == name).map(|s| s.values.clone());
+    assert_eq!(numbers("stationarity"), Some(Values::Int(vec![(0, 1)])));
+    assert_eq!(numbers("b_stationary"), Some(Values::Int(vec![(0, 1)])));
+    // where the function z2 - z1 has to be s instead of 0, the optimum is (1 + s)² / 2
+    near(&[s.duals[0]], &[1.0]);
 }

@@ -4,7 +4,9 @@ mod common;
 
 use common::{binary, header, EVERYTHING};
 use switchback::nlp::Nlp;
+use switchback_mpcc_ampl::driver;
 use switchback_mpcc_ampl::nl;
+use switchback_mpcc_ampl::options::Options;
 use switchback_mpcc_ampl::translate::translate;
 
 /// Numbers without a pattern (Marsaglia, Xorshift RNGs, J. Stat. Softw. 8, 2003).
@@ -30,6 +32,11 @@ fn go_through(bytes: &[u8]) -> bool {
         let _ = t.program.derivatives(&t.start, &mut vec![0.0; n], &mut jac);
     }
     problem.forest.values(&problem.start);
+    let mut options = Options::default();
+    options.assign("max_iter=25 max_time=0.05 relax_integrality=1 objno=0").unwrap();
+    options.objno = problem.objectives.len().min(1);
+    let sol = driver::solve(&problem, &options, &mut Vec::new()).unwrap();
+    assert!(sol.code != 599, "{}", sol.message);
     true
 }
 
@@ -39,8 +46,18 @@ fn mutated_files() {
     let seeds = [text.clone().into_bytes(), binary(&text, false), binary(&text, true)];
     assert!(seeds.iter().all(|s| go_through(s)));
     let words: [&[u8]; 12] = [
-        b"2147483647", b"-1", b"99999999999999999999", b"o54\n2147483647\n", b"v4", b"o64\n2147483647\n", b"\xff\xff\xff\x7f",
-        b"1e308", b"nan", b"inf", b"h2147483647:", b"S7 1 x\n",
+        b"2147483647",
+        b"-1",
+        b"99999999999999999999",
+        b"o54\n2147483647\n",
+        b"v4",
+        b"o64\n2147483647\n",
+        b"\xff\xff\xff\x7f",
+        b"1e308",
+        b"nan",
+        b"inf",
+        b"h2147483647:",
+        b"S7 1 x\n",
     ];
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
     let mut read = 0;

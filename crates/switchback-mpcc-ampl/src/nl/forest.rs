@@ -184,7 +184,7 @@ impl Forest {
                 if n == 0 {
                     return Err(source.fault(format_args!("expected operands of {name}, found none")));
                 }
-                let what = op.ok_or(()).or_else(|()| Err(self.refuse(format!("the operator {name}"))));
+                let what = op.ok_or_else(|| self.refuse(format!("the operator {name}")));
                 Ok(Item::Operator(what, n))
             }
             other => Err(source.strange("an expression: o, n, v, s, l, f or h", other)),

@@ -240,7 +240,9 @@ mod tests {
     #[test]
     fn numbers_are_those_of_the_format() {
         // table 3 and 4 of "Writing .nl files"
-        for (n, name) in [(5, "^"), (16, "unary -"), (35, "if"), (43, "log"), (48, "atan2"), (54, "sum"), (70, "forall")] {
+        for (n, name) in
+            [(5, "^"), (16, "unary -"), (35, "if"), (43, "log"), (48, "atan2"), (54, "sum"), (70, "forall")]
+        {
             assert_eq!(of_number(n).unwrap().0, name);
         }
         assert!(of_number(7).is_none() && of_number(-1).is_none());

@@ -111,7 +111,9 @@ impl Reader<'_> {
         let Reader { problem, source, .. } = self;
         let j = source.index("the number of a defined variable", n_vars + n_defined)?;
         let Some(k) = j.checked_sub(n_vars) else {
-            return Err(source.fault(format_args!("the number of a defined variable is {j}: it must be {n_vars} at least")));
+            return Err(
+                source.fault(format_args!("the number of a defined variable is {j}: it must be {n_vars} at least"))
+            );
         };
         let n = source.count("a number of linear terms")?;
         source.int("the constraint the defined variable is for")?;
