@@ -919,7 +919,7 @@ enum swb_outcome
      */
     SWB_OUTCOME_STOPPED = 3,
     /**
-     * There is no point: programs with pairs where all branches show it, others where a point minimises the violation of the constraints.
+     * There is no point: all branches show it, or the linear rows of a program without pairs, or a point minimises the violation of the constraints.
      */
     SWB_OUTCOME_INFEASIBLE = 4,
     /**

@@ -401,7 +401,7 @@ How a solve ended. Numbers are only ever added.
 - `SWB_OUTCOME_MAX_ITER`: Out of iterations; the point is the last iterate.
 - `SWB_OUTCOME_MAX_TIME`: Out of time; the point is the last iterate.
 - `SWB_OUTCOME_STOPPED`: A callback or an interrupt asked to stop; the point is the last iterate.
-- `SWB_OUTCOME_INFEASIBLE`: There is no point: programs with pairs where all branches show it, others where a point minimises the violation of the constraints.
+- `SWB_OUTCOME_INFEASIBLE`: There is no point: all branches show it, or the linear rows of a program without pairs, or a point minimises the violation of the constraints.
 - `SWB_OUTCOME_STALLED`: No progress is possible although the tolerance is not reached.
 - `SWB_OUTCOME_DIVERGING`: The iterates diverge.
 - `SWB_OUTCOME_FAILED`: There is no usable point; the call returned an error that says why.

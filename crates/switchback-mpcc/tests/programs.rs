@@ -174,6 +174,38 @@ fn strongly_stationary_points_have_conditions_of_second_order() {
 }
 
 /// A bilevel problem after Bard with a complementarity of functions: the lower level is `min (y − x)²`, `0 ≤ y ≤ 1`.
+/// The whole solver on a program without pairs.
+fn solved(p: CallbackNlp, b: &Bounds, x0: &[f64]) -> switchback_mpcc::mpcc::Solution {
+    let mut p = Lifted::new(p, &[]).unwrap();
+    let mut solver = MpccSolver::new(&mut p, MpccSettings::default()).unwrap();
+    solver.solve(&mut p, b, x0, &mut Control::default()).clone()
+}
+
+/// Where the barrier method has no answer the linear rows are asked.
+#[test]
+fn linear_rows_show_that_there_is_no_optimum() {
+    // nothing is free: there is no step that could lower a violation
+    let fixed = problem(1, |x, o| o[0] = x[0], 1, |x, o| o[0] = x[0] - 3.0);
+    assert_eq!(solved(fixed, &bounds(&[(2.0, 2.0)], &[(0.0, INF)]), &[2.0]).outcome, Outcome::Infeasible);
+    // x + y >= 3, x + y <= 1, x - 2 y = z
+    let rows: Vector = |x, o| o.copy_from_slice(&[x[0] + x[1], x[0] + x[1], x[0] - 2.0 * x[1] - x[2]]);
+    let b = bounds(&[(-INF, INF), (0.0, INF), (-INF, INF)], &[(3.0, INF), (-INF, 1.0), (0.0, 0.0)]);
+    let s = solved(problem(3, |x, o| o[0] = x[0].powi(2), 3, rows), &b, &[0.0, 1.0, 0.0]);
+    assert_eq!(s.outcome, Outcome::Infeasible);
+    let total = s.x[0] + s.x[1];
+    assert!((1.0 - 1e-6..=3.0 + 1e-6).contains(&total), "{:?}", s.x);
+
+    // x falls along the edge of a cone; a bound stops it
+    let cone: Vector = |x, o| o.copy_from_slice(&[x[0] - x[1], x[0] + 2.0 * x[1]]);
+    let fall = |low: f64| {
+        let b = bounds(&[(low, INF), (-INF, 9.0)], &[(-INF, 1.0), (-INF, 0.0)]);
+        solved(problem(2, |x, o| o[0] = x[0] + 0.1 * x[1], 2, cone), &b, &[-1.0, 0.0])
+    };
+    assert_eq!(fall(-INF).outcome, Outcome::Diverging);
+    let s = fall(-5.0);
+    assert!(s.outcome == Outcome::Solved && near(&s.x, &[-5.0, -6.0]), "{:?} {:?}", s.outcome, s.x);
+}
+
 #[test]
 fn members_may_be_functions() {
     // x, y, m1, m2;   2 (y − x) − m1 + m2 = 0,  0 ≤ m1 ⊥ y ≥ 0,  0 ≤ m2 ⊥ 1 − y ≥ 0

@@ -7,7 +7,7 @@ use super::branches::{Branches, Place, Said};
 use super::certificate::BStationarity;
 use super::problem::Mpcc;
 use super::solver::{MpccSolver, Polish};
-use crate::nlp::{Bounds, Outcome};
+use crate::nlp::{Bounds, Control, Outcome};
 use crate::stop;
 
 /// Violation of a row or a bound of a solved program: relative to its bound or to one, or to the terms of the row to first order.
@@ -62,13 +62,14 @@ impl MpccSolver {
 
     /// Asks a program without pairs that has no answer, which is one branch, what its linear rows show: that there is no point, or that
     /// the objective has no lower bound.
-    pub(super) fn ask_rows(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64]) {
+    pub(super) fn ask_rows(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control) {
         let open = matches!(self.solution.outcome, Outcome::Stalled | Outcome::MaxIter | Outcome::Diverging);
         if !open || stop::requested().is_some() {
             return;
         }
         if self.ask_branches(p, bounds, x0).empty {
             self.solution.outcome = Outcome::Infeasible;
+            self.end_at_least_violation(p, bounds, control);
         } else {
             self.find_ray(p, bounds, x0);
         }

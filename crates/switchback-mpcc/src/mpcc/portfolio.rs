@@ -519,6 +519,19 @@ impl MpccSolver {
         self.solution.found_by = FoundBy::Feasible;
     }
 
+    /// The point of least violation near that of the solve, with its multipliers, for a program that is shown to have no point; that
+    /// of the solve where there are no iterations left for another one.
+    pub(super) fn end_at_least_violation(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) {
+        let Ok(mut st) = violation::Structure::new(p) else { return };
+        st.weights.copy_from_slice(&self.st.scaling.rows);
+        let from = self.solution.x.clone();
+        let attempt = self.minimise_violation(p, &st, bounds, (&from, None), Opinion::Near, control);
+        if let Some((least, _)) = attempt.filter(|a| a.0.outcome == Outcome::Solved) {
+            self.solution.x.copy_from_slice(&least.x[..p.n()]);
+            self.solution.y.copy_from_slice(&least.y);
+        }
+    }
+
     /// Solves the branch of a point that is known, at which all rows hold. Where that has no solution the objective may fall without end.
     fn go_on_from_place(
         &mut self,

@@ -263,7 +263,7 @@ impl MpccSolver {
             p.set_polishing(false);
             self.certify_curvature(p, bounds);
             if !p.is_discretised() && !self.is_part {
-                self.ask_rows(p, bounds, x0);
+                self.ask_rows(p, bounds, x0, control);
             }
         } else {
             // relaxations that cut the corner have a saddle on the diagonal

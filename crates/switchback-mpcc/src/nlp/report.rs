@@ -16,7 +16,7 @@ pub enum Outcome {
     MaxTime = 2,
     /// A callback or an interrupt asked to stop; the point is the last iterate.
     Stopped = 3,
-    /// There is no point: programs with pairs where all branches show it, others where a point minimises the violation of the constraints.
+    /// There is no point: all branches show it, or the linear rows of a program without pairs, or a point minimises the violation of the constraints.
     Infeasible = 4,
     /// No progress possible although the tolerance is not reached.
     Stalled = 5,
