@@ -271,3 +271,28 @@ fn a_file_of_pyomo() {
     // where the function z2 - z1 has to be s instead of 0, the optimum is (1 + s)² / 2
     near(&[s.duals[0]], &[1.0]);
 }
+
+/// Jiang and Ralph's first problem with the function in the constraint, and its mirror image below an upper bound: dual values are
+/// derivatives of the optimum `(1 + s)² / 2`, or `(1 - s)² / 2`, by the value `s` the function is compared with.
+#[test]
+fn dual_values_of_complementarity_constraints() {
+    let of = |flags: i32, bound: &str, sign: i32, maximise: bool| {
+        let (sense, outer) = if maximise { (1, "o16\n") } else { (0, "") };
+        let body = format!("O0 {sense}\n{outer}o0\no5\no0\nv0\nn-1\nn2\no5\nv1\nn2\n");
+        header(2, 1, 1, 0, 0) + "C0\nn0\n" + &body + &format!("r\n5 {flags} 2\nb\n3\n{bound}\nJ0 2\n0 {sign}\n1 1\n")
+    };
+    for (flags, bound, sign, maximise, expected) in [
+        (1, "2 0", -1, false, 1.0),
+        (1, "2 0", -1, true, -1.0),
+        (2, "1 0", 1, false, -1.0),
+        (2, "1 0", 1, true, 1.0),
+        // the other bound is far away
+        (3, "0 0 7", -1, false, 1.0),
+        (3, "0 -7 0", 1, false, -1.0),
+    ] {
+        let s = solved(&of(flags, bound, sign, maximise), "");
+        assert_eq!(s.code, 0, "{}", s.message);
+        near(&s.primals, &[0.5, -0.5 * f64::from(sign)]);
+        near(&s.duals, &[expected]);
+    }
+}
