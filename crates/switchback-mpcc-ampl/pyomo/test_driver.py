@@ -1,5 +1,6 @@
 """What Pyomo reads besides values: statuses, messages, dual values, suffixes; and options."""
 
+import math
 import subprocess
 
 import problems
@@ -113,3 +114,25 @@ def test_options_of_the_environment(program, tmp_path, monkeypatch):
     run[-1] = "max_itre=100"
     failed = subprocess.run(run, capture_output=True, text=True)
     assert failed.returncode == 1 and "did you mean 'max_iter'?" in failed.stderr
+
+
+def test_absolute_values_are_those_of_a_linear_program(solve):
+    """The fit of least absolute deviations, by kinks and by inequalities."""
+    xs = [math.sin(7.0 * k) for k in range(60)]
+    ys = [1 + 2 * x - x * x + (3.0 if k % 3 == 0 else 0.1) * math.cos(11.0 * k) for k, x in enumerate(xs)]
+
+    def fit(kinks):
+        m = pyo.ConcreteModel()
+        a = problems.variables(m, "a", [0, 0, 0])
+        m.t = pyo.Var(range(60), initialize=1)
+        left = [a[0] + a[1] * x + a[2] * x * x - y for x, y in zip(xs, ys)]
+        if kinks:
+            m.f = pyo.Objective(expr=sum(abs(e) for e in left))
+        else:
+            m.f = pyo.Objective(expr=sum(m.t[k] for k in range(60)))
+            m.above = pyo.Constraint(range(60), rule=lambda m, k: m.t[k] >= left[k])
+            m.below = pyo.Constraint(range(60), rule=lambda m, k: m.t[k] >= -left[k])
+        assert solve(m).solver.id == 0
+        return [v() for v in a]
+
+    assert fit(True) == pytest.approx(fit(False), abs=1e-8)

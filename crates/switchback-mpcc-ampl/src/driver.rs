@@ -109,7 +109,7 @@ pub fn run(args: &[String], environment: &str, out: &mut dyn Write) -> Result<()
     }
     for (wanted, name, values) in [(2, "variable", &result.primals), (4, "dual value", &result.duals)] {
         if options.wantsol & wanted != 0 {
-            let lines: String = values.iter().enumerate().map(|(k, v)| format!("{name} {k} = {v}\n")).collect();
+            let lines: String = values.iter().enumerate().map(|(k, v)| format!("{name} {k} = {}\n", number(*v))).collect();
             print(out, &lines)?;
         }
     }
@@ -180,6 +180,7 @@ fn solved(problem: &Problem, options: &Options, objective: Option<usize>, out: &
     if let Some(crossed) = crossed(problem) {
         return Ok(Sol { code: 200, message: heading(&format!("infeasible: {crossed}")), ..Sol::default() });
     }
+    t.bounds.validate(t.start.len(), t.bounds.cl.len())?;
     if options.outlev >= 2 {
         print(out, &sizes(problem, &t))?;
     }

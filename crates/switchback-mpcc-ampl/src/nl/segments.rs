@@ -3,6 +3,7 @@
 use super::header::{self, Header};
 use super::source::Source;
 use super::{Body, Forest, Objective, Problem, Row};
+use switchback::nlp::INFINITE;
 use switchback::{Error, Result};
 
 /// Reads a file.
@@ -188,12 +189,14 @@ impl Reader<'_> {
     }
 }
 
+/// Bounds that are infinite where the solver takes them for absent.
 fn interval(source: &mut Source, kind: u8, what: &str) -> Result<(f64, f64)> {
     let inf = f64::INFINITY;
+    let mut bound = |what| source.real(what).map(|v| if v.abs() >= INFINITE { v.signum() * inf } else { v });
     match kind {
-        b'0' => Ok((source.real("a lower bound")?, source.real("an upper bound")?)),
-        b'1' => Ok((-inf, source.real("an upper bound")?)),
-        b'2' => Ok((source.real("a lower bound")?, inf)),
+        b'0' => Ok((bound("a lower bound")?, bound("an upper bound")?)),
+        b'1' => Ok((-inf, bound("an upper bound")?)),
+        b'2' => Ok((bound("a lower bound")?, inf)),
         b'3' => Ok((-inf, inf)),
         b'4' => {
             let v = source.finite("a value")?;
