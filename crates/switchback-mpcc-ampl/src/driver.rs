@@ -109,7 +109,8 @@ pub fn run(args: &[String], environment: &str, out: &mut dyn Write) -> Result<()
     }
     for (wanted, name, values) in [(2, "variable", &result.primals), (4, "dual value", &result.duals)] {
         if options.wantsol & wanted != 0 {
-            let lines: String = values.iter().enumerate().map(|(k, v)| format!("{name} {k} = {}\n", number(*v))).collect();
+            let lines: String =
+                values.iter().enumerate().map(|(k, v)| format!("{name} {k} = {}\n", number(*v))).collect();
             print(out, &lines)?;
         }
     }
