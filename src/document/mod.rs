@@ -30,7 +30,7 @@ const FORMAT: &str = "switchback";
 /// Longer texts are not read.
 const MAX_BYTES: usize = 256 << 20;
 
-/// What a document holds.
+/// Contents of a document.
 #[non_exhaustive]
 pub enum Document {
     /// A model, not built yet.

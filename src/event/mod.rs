@@ -144,7 +144,7 @@ impl Outcome {
     }
 }
 
-/// What happens at a switch, by the active modes before and after (Table 6.2).
+/// Kinds of switches, by the active modes before and after (Table 6.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -176,7 +176,7 @@ impl Kind {
 pub struct Switch {
     /// Time.
     pub t: f64,
-    /// What happens.
+    /// Kind of the switch.
     pub kind: Kind,
     /// Another subsystem switches at the same time.
     pub simultaneous: bool,
@@ -225,7 +225,7 @@ impl Jump {
     }
 }
 
-/// What brought an impact about.
+/// Causes of impacts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -238,14 +238,14 @@ pub enum ImpactKind {
     Last = 2,
 }
 
-/// What one contact contributes to an impact.
+/// The part of one contact in an impact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Impact {
     /// Time.
     pub t: f64,
     /// The contact.
     pub contact: usize,
-    /// What brought it about.
+    /// Its cause.
     pub kind: ImpactKind,
     /// Rate of the gap before and behind.
     pub rates: [f64; 2],
@@ -311,14 +311,14 @@ pub struct Branching {
     pub before: Vec<Vec<usize>>,
     /// All continuations that differ in their velocity, in the order of [`Ambiguity::First`].
     pub continuations: Vec<Continuation>,
-    /// The one that was taken; none where the run stops. None while it is being decided.
+    /// The continuation that was taken; none where the run stops. None while it is being decided.
     pub taken: Option<usize>,
 }
 
 /// Decides at a [`Branching`]: the place of a continuation, or none to stop.
 pub type Decider = Box<dyn FnMut(&Branching) -> Option<usize> + Send>;
 
-/// Where the conditions (6.19) have no regular solution: time, state, controls, parameters.
+/// A point where the conditions (6.19) have no regular solution: time, state, controls, parameters.
 #[derive(Debug, Clone, Copy)]
 pub struct Doubt<'a> {
     /// Time.
@@ -350,13 +350,13 @@ pub struct Contact {
 /// Accumulating switches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accumulation {
-    /// Where they accumulate, by the geometric series of the last intervals: it may lie behind the time at which the motion goes on.
+    /// Time at which they accumulate, by the geometric series of the last intervals: it may lie behind the time at which the motion goes on.
     pub t: f64,
-    /// Where ordinary integration begins again.
+    /// Time at which ordinary integration begins again.
     pub until: f64,
     /// Steps of [`Zeno::TimeStepping`], 0 with the other policies, and where the motion goes on in a limit set.
     pub steps: usize,
-    /// What these steps added to the error of the state, relative to the tolerance: the difference to half as many. Where the
+    /// Error that these steps added to the state, relative to the tolerance: the difference to half as many. Where the
     /// motion goes on in a limit set of order two, how far it was from there, relative to the tolerance.
     pub error: f64,
 }

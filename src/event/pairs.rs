@@ -235,7 +235,7 @@ pub mod bs3 {
     pub const A3: Row<3> = [(0, 2.0 / 9.0), (1, 1.0 / 3.0), (2, 4.0 / 9.0)];
     /// Error of order 2.
     pub const E: Row<4> = [(0, -5.0 / 72.0), (1, 1.0 / 12.0), (2, 1.0 / 9.0), (3, -1.0 / 8.0)];
-    /// What `h²` times the third derivative of the solution is multiplied by in this error, for both trees of order 3.
+    /// Factors of `h²` times the third derivative of the solution in this error, for both trees of order 3.
     pub const ERROR: f64 = 1.0 / 48.0;
     /// All rows in the order of the stages.
     pub const ROWS: [&[(usize, f64)]; 4] = [&[], &A1, &A2, &A3];
@@ -268,7 +268,7 @@ pub mod dp5 {
         (5, 22.0 / 525.0),
         (6, -1.0 / 40.0),
     ];
-    /// What `h` times the fifth derivative of a quadrature is multiplied by in this error.
+    /// Factor of `h` times the fifth derivative of a quadrature in this error.
     pub const ERROR: f64 = 71.0 / 6480000.0;
     /// Derivatives of order 3 and 4 times `h²` and `h³`, by the least squares of the coefficients: the second one is orthogonal to
     /// [`E`], the moments of the first one are those of a difference around 0.6. With a component of an oscillation in phase with

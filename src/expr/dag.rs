@@ -23,7 +23,7 @@ impl Id {
     }
 }
 
-/// Where an input comes from: the blocks of [`crate::func::Point`].
+/// Blocks of inputs: those of [`crate::func::Point`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Block {
     /// States, or the variables of an optimisation problem.
@@ -38,7 +38,7 @@ pub enum Block {
     Weight,
 }
 
-/// What a node is.
+/// The operation of a node and its operands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Node {
     /// A constant, by its bits.
@@ -140,7 +140,7 @@ impl Dag {
         Err(Error::Range(format!("expression {index} does not exist: the graph has {}", self.nodes.len())))
     }
 
-    /// What a node is.
+    /// The operation of a node and its operands.
     #[inline]
     pub fn node(&self, id: Id) -> Node {
         self.nodes[id.index()]

@@ -60,7 +60,7 @@ impl ExprFunction {
         ExprFunction::with_order(name, dag, dims, outputs, true)
     }
 
-    /// The same without second derivatives, for those who never ask for them: [`Function::hess_pattern`] is empty and
+    /// Makes a function without second derivatives, for those who never ask for them: [`Function::hess_pattern`] is empty and
     /// [`Function::hessian`] fails.
     pub fn first_order(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<ExprFunction> {
         ExprFunction::with_order(name, dag, dims, outputs, false)
@@ -159,7 +159,7 @@ impl ExprFunction {
         trouble::note(Complaint { function: self.name.as_str().into(), part, code: 0, place, timeless: false });
     }
 
-    /// The same, shared.
+    /// Makes a shared function, see [`ExprFunction::new`].
     pub fn shared(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<Arc<dyn Function>> {
         Ok(Arc::new(ExprFunction::new(name, dag, dims, outputs)?))
     }

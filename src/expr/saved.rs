@@ -72,7 +72,7 @@ pub struct Signature {
 }
 
 impl Signature {
-    /// Of a function.
+    /// Signature of a function.
     pub fn of(f: &dyn Function) -> Signature {
         let d = f.dims();
         Signature { name: f.name().to_owned(), x: d.x, u: d.u, p: d.p, outputs: f.n_out() }
@@ -116,7 +116,7 @@ pub struct SavedGraph {
 }
 
 impl SavedGraph {
-    /// What the roots are computed from.
+    /// Saves the nodes that the roots are computed from.
     ///
     /// # Errors
     /// [`Error::NonFinite`] for constants that are not finite, [`Error::Unsupported`] if two functions that are called

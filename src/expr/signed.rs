@@ -75,7 +75,7 @@ impl SignedFunction {
         &self.jac_pattern
     }
 
-    /// Are the derivatives constant as long as the signs are?
+    /// True where the derivatives are constant as long as the signs are.
     pub fn is_affine(&self) -> bool {
         self.affine
     }
@@ -85,7 +85,7 @@ impl SignedFunction {
         self.value.work_len().max(self.jacobian.work_len())
     }
 
-    /// May it only be called by one thread?
+    /// True where it may only be called by one thread.
     pub fn is_serial(&self) -> bool {
         self.value.functions().any(|f| f.is_serial())
     }

@@ -36,13 +36,13 @@ impl Dag {
         out
     }
 
-    /// The same expressions where switches with a known sign (`Some(true)`: positive) are decided.
+    /// Copies expressions where switches with a known sign (`Some(true)`: positive) are decided.
     pub fn decide(&mut self, roots: &[Id], sign: &dyn Fn(usize) -> Option<bool>) -> Vec<Id> {
         let all = self.undecided(roots);
         self.decide_all(&all, sign)
     }
 
-    /// The same expressions with an input in the place of every condition `ψ_s > 0`: weight `k` for the switching function
+    /// Copies expressions with an input in the place of every condition `ψ_s > 0`: weight `k` for the switching function
     /// `switches[k]`, which is 1 where it is positive and 0 where it is not, and arithmetic in the place of choices.
     pub fn with_signs(&mut self, roots: &[Id], switches: &[usize]) -> Vec<Id> {
         let mut place = vec![None; self.n_switches()];
@@ -51,7 +51,7 @@ impl Dag {
         self.rebuild_with(roots, &mut replace, &|block, i| (block, i as usize), &BTreeMap::new(), true)
     }
 
-    /// Is the node an input of a block of which this holds?
+    /// True where the node is an input of a block for which `holds`.
     pub fn is_input_of(&self, id: Id, holds: impl Fn(Block) -> bool) -> bool {
         matches!(self.node(id), Node::Input(block, _) if holds(block))
     }
@@ -98,7 +98,7 @@ impl Dag {
         Undecided { domains: self.domains(roots, &ids), roots: roots.to_vec(), ids }
     }
 
-    /// What [`Dag::decide`] makes of these expressions. Only what a pattern leaves of them is built.
+    /// [`Dag::decide`] of prepared expressions. Only what a pattern leaves of them is built.
     pub fn decide_all(&mut self, all: &Undecided, sign: &dyn Fn(usize) -> Option<bool>) -> Vec<Id> {
         let ids = self.left_of(all, sign);
         let mut replace = |dag: &mut Dag, s: u32| sign(s as usize).map(|holds| dag.truth(holds));
@@ -106,7 +106,7 @@ impl Dag {
         self.rebuild_nodes(&all.roots, ids, &mut replace, &place, &BTreeMap::new(), &all.domains)
     }
 
-    /// What of the conditions among some expressions is known under a pattern, in the order of their nodes.
+    /// Truth of the conditions among some expressions that a pattern decides, in the order of their nodes.
     pub fn truths(&self, all: &Undecided, sign: &dyn Fn(usize) -> Option<bool>) -> BTreeMap<Id, bool> {
         let mut known: BTreeMap<Id, bool> = BTreeMap::new();
         for &id in all.ids.iter().filter(|id| self.is_condition(**id)) {
@@ -160,7 +160,7 @@ impl Dag {
         all.ids.iter().copied().filter(|id| needed[id.index()]).collect()
     }
 
-    /// The same expressions with conditions whose switching functions are smooth: `ψ > 0` with a `ψ` that switches
+    /// Replaces conditions by ones whose switching functions are smooth: `ψ > 0` with a `ψ` that switches
     /// with `χ` becomes `(χ > 0 and ψ⁺ > 0) or (χ < 0 and ψ⁻ > 0)`.
     ///
     /// None if there are too many branches.
@@ -218,7 +218,7 @@ impl Dag {
         Ok(Some(result))
     }
 
-    /// The same expressions of inputs that have other numbers in their block.
+    /// Copies expressions with inputs that have other numbers in their block.
     pub fn renumber(&mut self, roots: &[Id], number: &dyn Fn(Block, usize) -> usize) -> Vec<Id> {
         self.rebuild_with(
             roots,
@@ -229,7 +229,7 @@ impl Dag {
         )
     }
 
-    /// The same expressions of other inputs: `place` says which block an input goes to, and its number there.
+    /// Copies expressions with other inputs: `place` says which block an input goes to, and its number there.
     pub fn move_inputs(&mut self, roots: &[Id], place: &dyn Fn(Block, usize) -> (Block, usize)) -> Vec<Id> {
         self.rebuild_with(roots, &mut |_, _| None, &|block, i| place(block, i as usize), &BTreeMap::new(), false)
     }
@@ -239,7 +239,7 @@ impl Dag {
         self.rebuild_with(roots, replace, &|block, i| (block, i as usize), &BTreeMap::new(), false)
     }
 
-    /// The same expressions with nodes replaced.
+    /// Copies expressions with nodes replaced.
     pub fn replace(&mut self, roots: &[Id], by: &BTreeMap<Id, Id>) -> Vec<Id> {
         self.rebuild_with(roots, &mut |_, _| None, &|block, i| (block, i as usize), by, false)
     }

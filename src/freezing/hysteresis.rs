@@ -24,11 +24,11 @@ const POINTS: [(f64, f64); 4] = [(0.25, -0.25), (0.25, 0.25), (0.75, 0.75), (0.7
 pub struct Relay {
     /// Sizes of states, controls and parameters without `w` and the clock.
     pub dims: Dims,
-    /// What the relay follows.
+    /// The expression that the relay follows.
     pub value: Id,
-    /// Where it goes to 1.
+    /// Value at which the relay goes to 1.
     pub on: f64,
-    /// Where it goes back to 0: below `on`.
+    /// Value at which the relay goes back to 0: below `on`.
     pub off: f64,
     /// Derivatives of the states while `w = 0`.
     pub low: Vec<Id>,

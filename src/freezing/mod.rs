@@ -84,7 +84,7 @@ impl Default for Options {
     }
 }
 
-/// Where things are in a system in numerical time. The states of the scene come first and keep their numbers.
+/// Places of states and controls in a system in numerical time. The states of the scene come first and keep their numbers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
     /// Depths `p` of contacts with restitution: states `depths.0 .. depths.1`.
@@ -102,9 +102,9 @@ pub struct Layout {
 pub struct Frozen {
     /// The model.
     pub model: model::Built,
-    /// What its states and controls are.
+    /// Places of its states and controls.
     pub layout: Layout,
-    /// What became of every contact.
+    /// Report on every contact.
     pub report: Report,
 }
 

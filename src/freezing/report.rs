@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// What stands for a contact.
+/// Devices that stand for contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Kind {
@@ -29,18 +29,18 @@ pub enum Kind {
 pub struct ContactReport {
     /// Its name.
     pub name: String,
-    /// What stands for it.
+    /// Device that stands for it.
     pub kind: Kind,
     /// `a_n`, or `k`, with which a jump takes the step that was asked for.
     pub recommended: f64,
-    /// The one that is taken.
+    /// The constant that is taken.
     pub given: f64,
     /// Numerical time of a jump, at the typical speed where it depends on it.
     pub jump: f64,
 }
 
 impl ContactReport {
-    /// Is what was given less than a tenth, or more than ten times, of what is recommended?
+    /// True where the constant is less than a tenth, or more than ten times, of what is recommended.
     pub fn is_doubtful(&self) -> bool {
         !(0.1..=10.0).contains(&(self.given / self.recommended))
     }

@@ -45,11 +45,11 @@ use signs::Numbers;
 /// Names of the inputs, for reports; missing ones are `x[0]`, `u[0]`, ...
 #[derive(Debug, Clone, Default)]
 pub struct Names {
-    /// Of the states.
+    /// Names of the states.
     pub x: Vec<String>,
-    /// Of the controls.
+    /// Names of the controls.
     pub u: Vec<String>,
-    /// Of the parameters.
+    /// Names of the parameters.
     pub p: Vec<String>,
 }
 
@@ -111,12 +111,12 @@ pub struct Model {
     choices: Vec<Choice>,
 }
 
-/// What a model became.
+/// The system made of a model, with the report on it.
 #[derive(Clone)]
 pub struct Built {
     /// The system.
     pub system: System,
-    /// What it consists of, what it costs, what was dropped.
+    /// Its parts, its costs, and what was dropped from it.
     pub report: Report,
     /// The functions of the system, to be written out or evaluated: smooth part, then modes and switching functions
     /// of every subsystem, then guard and reset of every transition.

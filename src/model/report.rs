@@ -35,7 +35,7 @@ impl NoteKind {
 pub struct Note {
     /// Weight.
     pub kind: NoteKind,
-    /// What.
+    /// The text.
     pub text: String,
 }
 
@@ -46,7 +46,7 @@ pub struct Group {
     pub states: Vec<String>,
     /// Switching functions.
     pub switching_functions: Vec<String>,
-    /// Of each of them: does it depend on the states or the time?
+    /// True for each switching function that depends on the states or the time.
     pub moves: Vec<bool>,
     /// Rows of the sign matrix.
     pub n_regions: usize,
@@ -85,7 +85,7 @@ impl Group {
         Counts { modes: n_f, algebraic: n_f + 3 * n_psi + n_beta, pairs: 2 * n_psi, equations: n_psi + n_beta + n_f }
     }
 
-    /// Is the Heaviside form the better one, which is taken unless told otherwise?
+    /// True where the Heaviside form is the better one, which is taken unless told otherwise.
     pub fn prefers_heaviside(&self) -> bool {
         let n_psi = self.switching_functions.len();
         let factors = |row: &[i8]| row.iter().filter(|s| **s != 0).count();
@@ -126,7 +126,7 @@ pub(super) fn n_lifted(signs: &[i8], n_psi: usize, n_d: usize) -> usize {
     n
 }
 
-/// What a model consists of, what it costs, and what it did not need.
+/// Parts of a model, their costs, and what it did not need.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Report {
     /// Name of the model.

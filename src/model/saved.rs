@@ -142,7 +142,7 @@ impl SavedTransition {
 }
 
 impl SavedModel {
-    /// Of a model with all its derivatives.
+    /// Saves a model with all its derivatives.
     ///
     /// # Errors
     /// [`Error::State`] if a state has no derivative, and those of [`SavedGraph::new`].

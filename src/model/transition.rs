@@ -12,7 +12,7 @@ use crate::system::{Choice, Direction, Reset, Transition as Made};
 pub struct Transition {
     /// The guard.
     pub guard: Id,
-    /// Where it passes zero to.
+    /// Direction in which the guard passes zero.
     pub direction: Direction,
     /// Discrete states and the values they must have for the transition to be watched.
     pub from: Vec<(usize, f64)>,
@@ -107,7 +107,7 @@ impl Built {
         &self.discrete
     }
 
-    /// As [`Model::set_discrete`], of a model that is built already.
+    /// Sets discrete states like [`Model::set_discrete`], in a model that is built already.
     ///
     /// # Errors
     /// Those of [`Model::set_discrete`], and [`Error::State`] if such a state has a derivative.
@@ -133,7 +133,7 @@ impl Built {
         Ok(())
     }
 
-    /// As [`Model::set_value_names`], of a model that is built already.
+    /// Sets names of values like [`Model::set_value_names`], in a model that is built already.
     ///
     /// # Errors
     /// Those of [`Model::set_value_names`].

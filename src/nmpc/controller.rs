@@ -38,10 +38,10 @@ const CONTRACTS: f64 = 0.5;
 /// [`Nmpc::initialise`] has converged where a step is below this share of the size of states and controls.
 const CONVERGED: f64 = 1e-10;
 
-/// What a preparation did.
+/// Result of a preparation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Preparation {
-    /// Is there a quadratic program for the next sample?
+    /// True where there is a quadratic program for the next sample.
     pub ready: bool,
     /// Inner iterations.
     pub inner: usize,
@@ -49,10 +49,10 @@ pub struct Preparation {
     pub time: f64,
 }
 
-/// What a feedback is.
+/// Result of a feedback: the source of the control, and how the quadratic program ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feedback {
-    /// Where the control comes from.
+    /// Source of the control.
     pub source: Source,
     /// How the quadratic program ended.
     pub status: QpStatus,
@@ -416,7 +416,7 @@ impl Nmpc {
         }
     }
 
-    /// What belongs to the last sample and can wait: the plan from its quadratic program, and the prediction of the next state.
+    /// Does the work of the last sample that can wait: the plan from its quadratic program, and the prediction of the next state.
     /// Every other call does it where it is needed.
     pub fn finish(&mut self) {
         let pending = std::mem::replace(&mut self.pending, Pending::Nothing);

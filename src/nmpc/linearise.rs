@@ -18,14 +18,14 @@ const HELD: f64 = 1e-8;
 /// Share of their size up to which steps are rounding: a few hundred operations.
 const ROUNDING: f64 = 256.0 * f64::EPSILON;
 
-/// Where the Hessian of the program comes from.
+/// Sources of the Hessian of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HessianKind {
     /// Gauss-Newton for least squares; costs without structure have their own Hessian, made convex node by node.
     GaussNewton,
-    /// Of the Lagrangian, made convex node by node.
+    /// Hessian of the Lagrangian, made convex node by node.
     Exact,
-    /// Of the Lagrangian, updated from gradients node by node.
+    /// Approximation of the Hessian of the Lagrangian, updated from gradients node by node.
     QuasiNewton,
 }
 

@@ -36,7 +36,7 @@ impl Timing {
     }
 }
 
-/// What a controller knows of its own work since it was made or reset.
+/// Counts and times of a controller's own work since it was made or reset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Monitor {
     /// `κ` of (10.18), estimated as the ratio of the last two steps on the problem with one initial value; NaN before there were
@@ -54,7 +54,7 @@ pub struct Monitor {
     pub feedback: Timing,
     /// Evaluations of model functions, each for the whole horizon.
     pub evaluations: Evaluations,
-    /// Those of the last preparation alone.
+    /// Evaluations in the last preparation alone.
     pub last_evaluations: Evaluations,
     /// Quadratic programs solved, and iterations of all.
     pub qps: u64,

@@ -1,10 +1,10 @@
-//! What a controller does.
+//! Options of a controller.
 
 use super::linearise::HessianKind;
 use crate::error::{Error, Result};
 use crate::tableau::Family;
 
-/// What happens between two samples.
+/// Work done between two samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -20,7 +20,7 @@ pub enum Scheme {
     Asc = 3,
 }
 
-/// What an iteration evaluates (Table 10.1).
+/// Levels of an iteration by what it evaluates (Table 10.1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -48,7 +48,7 @@ pub enum QpMethod {
     Condensing = 0,
 }
 
-/// Where a control comes from: the best that was there in time.
+/// Sources of a control: the best that was there in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -65,10 +65,10 @@ pub enum Source {
     Hold = 4,
 }
 
-/// What a controller does.
+/// Options of a controller.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// What happens between two samples.
+    /// Work done between two samples.
     pub scheme: Scheme,
     /// Level of the iterations of [`Scheme::Mli`] and of the inner iterations of [`Scheme::AsRti`]; the Hessian of all
     /// linearisations where it is one of the levels D.
@@ -130,7 +130,7 @@ impl Options {
         }
     }
 
-    /// Are all numbers in their ranges?
+    /// Checks that all numbers are in their ranges.
     pub fn validate(&self) -> Result<()> {
         let range = |ok: bool, what: &str| if ok { Ok(()) } else { Err(Error::Range(what.into())) };
         range(self.tol > 0.0 && self.tol.is_finite(), "tol must be positive")?;

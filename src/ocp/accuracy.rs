@@ -49,7 +49,7 @@ pub struct Accuracy {
     /// what the stage itself makes of the error, `[n_stages]`, NaN where it got stuck. Empty unless the grid is adapted, or the simulation
     /// is another motion.
     pub local: Vec<f64>,
-    /// Is the simulation of some stage, from the state of the answer at its start, another motion too?
+    /// True where the simulation of some stage, from the state of the answer at its start, is another motion too.
     pub elsewhere: bool,
     /// Moduli of the differences of the states at the ends of the stages `[n_stages · nx]`, and the largest moduli of the states there `[nx]`, where
     /// the simulation reaches the end.
@@ -126,7 +126,7 @@ impl Accuracy {
         Accuracy { reason: why.words().into(), ..Accuracy::unknown(n_stages, nx) }
     }
 
-    /// Did the simulation reach the end of the horizon?
+    /// True where the simulation reached the end of the horizon.
     pub fn reached(&self) -> bool {
         self.outcome == Some(Outcome::Reached)
     }
@@ -148,7 +148,7 @@ impl Accuracy {
         self.along.iter().copied().max_by(|a, b| a.share().total_cmp(&b.share()))
     }
 
-    /// The same, where nothing is certified beside it.
+    /// The largest violation, where nothing is certified beside it.
     pub fn violated(&self) -> Option<Between> {
         self.between().filter(Accuracy::counts)
     }

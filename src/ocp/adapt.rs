@@ -38,7 +38,7 @@ pub struct Round {
     pub error: f64,
     /// Cost.
     pub cost: f64,
-    /// Was there an exact solution?
+    /// True where there was an exact solution.
     pub exact: bool,
     /// Iterations.
     pub iterations: usize,
@@ -51,7 +51,7 @@ pub struct Adaptation {
     pub rounds: Vec<Round>,
     /// The round whose solution was kept.
     pub kept: usize,
-    /// Is its error as small as asked for?
+    /// True where its error is as small as asked for.
     pub reached: bool,
 }
 

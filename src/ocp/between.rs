@@ -15,7 +15,7 @@ use crate::system::SharedFunction;
 const PER_STAGE: f64 = 64.0;
 const PER_STEP: f64 = 4.0;
 
-/// What a violation along the horizon is one of.
+/// Owners of a violation along the horizon.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Along {
     /// The path constraint of this number.

@@ -91,7 +91,7 @@ const MAX_ELEMENTS: usize = 100_000;
 /// First value of slacks.
 const SLACK: f64 = 0.1;
 
-/// Where a least-squares term counts.
+/// Places at which a least-squares term counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -118,12 +118,12 @@ pub enum Norm {
     Linf = 2,
 }
 
-/// What a solve found.
+/// Result of a solve.
 #[derive(Debug, Clone)]
 pub struct OcpResult {
     /// How it ended.
     pub outcome: Outcome,
-    /// Was the active set identified and the problem solved with it?
+    /// Outcome of the polish, which identifies the active set and solves the problem with it.
     pub polish: Polish,
     /// Why it is no exact solution, in the words of the model: what cannot be met and by how much, which function has
     /// no value where, which stage needs more elements. Stages, elements, rows are counted from zero. Empty where there
@@ -131,7 +131,7 @@ pub struct OcpResult {
     pub message: String,
     /// The user's cost alone: without penalties of relaxed constraints. NaN unless this is a solution.
     pub cost: f64,
-    /// What the point costs that is given here, solution or not. One that is none need not satisfy dynamics and
+    /// Cost of the point that is given here, solution or not. One that is none need not satisfy dynamics and
     /// constraints, and its cost may lie on either side of that of a solution.
     pub cost_reached: f64,
     /// The same with what the violation of relaxed constraints costs, which a search lowers.
@@ -148,11 +148,11 @@ pub struct OcpResult {
     pub violation: f64,
     /// States, switches, dense output.
     pub trajectory: Trajectory,
-    /// What is left of every residual.
+    /// Residuals at the end.
     pub residuals: Residuals,
     /// Type of stationarity and B-stationarity of the discretised problem; unknown without a polish.
     pub certificate: Certificate,
-    /// What it cost; building the problem is not part of it.
+    /// Work and time of the solve; building the problem is not part of it.
     pub stats: Statistics,
     /// Seconds to build the problem, 0 when an earlier structure was used again.
     pub time_build: f64,
@@ -160,7 +160,7 @@ pub struct OcpResult {
     pub dimensions: (usize, usize, usize),
     /// Comparison with a simulation of the controls; `None` when it is not asked for.
     pub accuracy: Option<Accuracy>,
-    /// What the answer is as a point of the control problem; `None` where the comparison is not asked for.
+    /// Optimality of the answer as a point of the control problem; `None` where the comparison is not asked for.
     pub optimality: Option<Optimality>,
     /// A model function has no value where one is needed: that is why there is no solution.
     pub undefined: bool,
@@ -171,7 +171,7 @@ pub struct OcpResult {
     pub adaptation: Option<Adaptation>,
     /// Transitions, in the order of time.
     pub jumps: Vec<JumpMade>,
-    /// What the contacts of a scene do; `None` for other systems.
+    /// Modes and impacts of the contacts of a scene; `None` for other systems.
     pub contacts: Option<Contacts>,
 }
 

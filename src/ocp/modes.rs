@@ -11,9 +11,9 @@ use crate::mpcc::Side;
 pub struct ModeSequence {
     /// Start of every phase, seconds from the start of the horizon; the first is 0, and they do not fall.
     pub times: Vec<f64>,
-    /// Is the mode active? `[times.len() · n_modes]`, in the order of [`crate::fesd::Trajectory::modes`].
+    /// Active modes `[times.len() · n_modes]`, in the order of [`crate::fesd::Trajectory::modes`].
     pub modes: Vec<bool>,
-    /// The same for the cells modes consist of `[times.len() · n_cells]`; may be empty where modes say all: a mode whose
+    /// Active cells, which modes consist of, `[times.len() · n_cells]`; may be empty where modes say all: a mode whose
     /// region takes several sign patterns does not say which, and in the Heaviside form a mode that does not depend on
     /// the sign of a switching function does not say that sign.
     pub cells: Vec<bool>,

@@ -7,7 +7,7 @@ use crate::func::EvalError;
 use crate::mpcc::Mpcc;
 use crate::stop;
 
-/// What multipliers belong to. Those of constraints and bounds are positive where an upper bound is active, negative where a
+/// Owners of multipliers. Those of constraints and bounds are positive where an upper bound is active, negative where a
 /// lower one is: raising that bound by `d` changes the optimal cost by `−d` times the multiplier, to first order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -40,7 +40,7 @@ pub struct Multipliers {
     /// Times of the points; the start of the stage for controls, the end of the horizon for what holds there, its start for initial
     /// state and parameters.
     pub times: Vec<f64>,
-    /// As many numbers for every point, one point behind the other.
+    /// Equally many numbers for every point, one point behind the other.
     pub values: Vec<f64>,
 }
 

@@ -21,26 +21,26 @@ use crate::system::SharedFunction;
 /// Violations of links worth a word.
 const VIOLATED: f64 = 1e-6;
 
-/// What a solve of several phases found.
+/// Result of a solve of several phases.
 #[derive(Debug, Clone)]
 pub struct MultiPhaseResult {
     /// How it ended.
     pub outcome: Outcome,
-    /// Was the active set of all phases identified and the problem solved with it?
+    /// Outcome of the polish, which identifies the active set of all phases and solves the problem with it.
     pub polish: Polish,
     /// Why it is no exact solution, in the words of the model; empty where there is nothing to say.
     pub message: String,
     /// Sum of the costs of the phases.
     pub cost: f64,
-    /// What every phase does; outcome, residuals and statistics are those of all.
+    /// Results of the phases; outcome, residuals and statistics are those of all.
     pub phases: Vec<OcpResult>,
     /// Largest violation of a link.
     pub link_violation: f64,
     /// Largest difference of a state at the end of a phase from the simulation of its controls; NaN without one.
     pub error: f64,
-    /// What is left of every residual.
+    /// Residuals at the end.
     pub residuals: Residuals,
-    /// What it cost.
+    /// Work and time of the solve.
     pub stats: Statistics,
     /// Variables, rows, complementarity pairs.
     pub dimensions: (usize, usize, usize),

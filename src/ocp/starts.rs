@@ -13,15 +13,15 @@ use crate::random::SplitMix64;
 const COARSE: [usize; 4] = [1, 2, 4, 8];
 const AT_BOUND: f64 = 0.25;
 
-/// What surrounds the solve of one start on its thread, [`Ocp::solve_starts_within`].
+/// A function around the solve of one start on its thread, see [`Ocp::solve_starts_within`].
 pub type Around<'a> = &'a (dyn Fn(&mut dyn FnMut() -> Result<()>) -> Result<()> + Sync);
 
-/// What several starts found.
+/// Results of several starts.
 #[derive(Debug, Clone)]
 pub struct Starts {
     /// The start that is the result of the problem now: the lowest cost among the solved ones, and among equals the first.
     pub best: usize,
-    /// What every start found, or why it could not be solved.
+    /// Result of every start, or why it could not be solved.
     pub results: Vec<Result<OcpResult>>,
 }
 
@@ -35,7 +35,7 @@ impl Ocp {
         self.solve_starts_within(controls, threads, control, &|body| body())
     }
 
-    /// As [`Ocp::solve_starts`], every solve within `around`: for what is kept per thread.
+    /// Solves like [`Ocp::solve_starts`], every solve within `around`: for what is kept per thread.
     pub fn solve_starts_within(
         &mut self,
         controls: &[Vec<f64>],

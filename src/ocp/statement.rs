@@ -44,7 +44,7 @@ pub struct Statement<'a> {
 }
 
 impl Statement<'_> {
-    /// Must functions of the problem be called by one thread only ([`crate::func::Function::is_serial`])?
+    /// True where functions of the problem must be called by one thread only ([`crate::func::Function::is_serial`]).
     pub fn is_serial(&self) -> bool {
         self.system.is_serial() || self.any_function(&|f| f.is_serial())
     }

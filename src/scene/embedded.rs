@@ -58,7 +58,7 @@ impl Embedded {
     }
 }
 
-/// What a function computes as expressions; none where it is not made of them. Unlike the function itself they have second derivatives.
+/// Expressions that a function computes; none where it is not made of them. Unlike the function itself they have second derivatives.
 ///
 /// # Errors
 /// Those of expressions that cannot be saved.

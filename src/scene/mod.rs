@@ -93,12 +93,12 @@ pub struct Scene {
     order: Order,
 }
 
-/// What a scene became.
+/// The system made of a scene, with the report on it.
 #[derive(Clone)]
 pub struct Built {
     /// The system.
     pub system: System,
-    /// What it consists of and what was left out.
+    /// Its parts, and what was left out.
     pub report: Report,
     /// Sizes: states (coordinates, then velocities), controls, parameters.
     pub dims: Dims,
@@ -204,7 +204,7 @@ impl Scene {
         Ok(k)
     }
 
-    /// What happens where several contacts close at once.
+    /// Sets the law for several contacts that close at once.
     pub fn set_law(&mut self, law: ImpactLaw) {
         self.law = law;
     }

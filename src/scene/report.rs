@@ -31,7 +31,7 @@ pub struct Dropped {
     pub proof: String,
 }
 
-/// What a scene consists of.
+/// Parts of a scene.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Report {
     /// Name of the scene.
@@ -40,7 +40,7 @@ pub struct Report {
     pub sizes: [usize; 4],
     /// How the inertia is treated, in words.
     pub inertia: String,
-    /// What happens where several contacts close at once.
+    /// Law for several contacts that close at once.
     pub law: ImpactLaw,
     /// Contacts in the order they are numbered in results.
     pub contacts: Vec<ContactReport>,

@@ -30,7 +30,7 @@ use crate::settings::{Discretisation, Settings};
 use crate::system::System;
 use crate::tableau::Tableau;
 
-/// What a simulation found.
+/// Result of a simulation.
 #[derive(Debug, Clone)]
 pub struct SimResult {
     /// How it ended; anything but solved is that of the step that failed.
@@ -110,7 +110,7 @@ impl Simulator {
         Simulator::with_options(system, &SolveOptions::from_settings(settings)?)
     }
 
-    /// As [`Simulator::new`].
+    /// Makes a simulator like [`Simulator::new`].
     pub fn with_options(system: &System, options: &SolveOptions) -> Result<Simulator> {
         let d = system.dims();
         let system = system.with_multipliers()?;

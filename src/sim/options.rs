@@ -22,7 +22,7 @@ pub struct SolveOptions {
     pub n_fe: usize,
     /// Relaxation path, interior-point method, polish.
     pub solver: MpccSettings,
-    /// What a cold start is made of where no guess is given.
+    /// Origin of a cold start where no guess is given.
     pub initial_guess: InitialGuess,
     /// Seconds.
     pub max_time: f64,
@@ -41,14 +41,14 @@ impl SolveOptions {
         })
     }
 
-    /// The same with Radau IIA of as many stages.
+    /// These options with Radau IIA of as many stages.
     pub fn with_radau_iia(self) -> SolveOptions {
         let discretisation = Options { family: Family::RadauIia, stage_form: StageForm::Auto, ..self.discretisation };
         SolveOptions { discretisation, ..self }
     }
 
-    /// Can what was built with these options be solved with `other`: are structure, order of elimination and backend the
-    /// same?
+    /// True where what was built with these options can be solved with `other`: structure, order of elimination and backend are
+    /// the same.
     pub fn fits(&self, other: &SolveOptions) -> bool {
         let structure = |o: &SolveOptions| {
             let s = &o.solver;

@@ -51,7 +51,7 @@ use solver::Solver;
 pub struct Options {
     /// Length of a step, in the unit of time of the scene; [`Stepper::advance`] makes equal ones that are not longer.
     pub h: f64,
-    /// Where in a step the functions are evaluated: 1/2 in its middle, 1 at its start. Between 1/2 and 1.
+    /// Place in a step at which the functions are evaluated: 1/2 in its middle, 1 at its start. Between 1/2 and 1.
     pub theta: f64,
     /// The impulses of a step count as found when what a sweep changes of them, and what the sweeps to come are expected to, is
     /// less than this share of them, measured by energy.
@@ -63,7 +63,7 @@ pub struct Options {
     pub record_every: usize,
     /// Keep the impulses of the steps whose states are kept.
     pub record_impulses: bool,
-    /// What happens where several contacts close at once; None: what the system says.
+    /// Law for several contacts that close at once; None: that of the system.
     pub law: Option<ImpactLaw>,
     /// Shift back what came to rest too deep.
     pub correct: bool,
@@ -104,7 +104,7 @@ impl Options {
     }
 }
 
-/// What the steps since [`Stepper::reset`] cost and how they went.
+/// Counts of the steps since [`Stepper::reset`], and how they went.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Statistics {
     /// Steps.
@@ -274,7 +274,7 @@ impl Stepper {
         &self.impulses
     }
 
-    /// What the steps since [`Stepper::reset`] cost and how they went.
+    /// Counts of the steps since [`Stepper::reset`], and how they went.
     pub fn statistics(&self) -> Statistics {
         Statistics { gaps: self.near.looked, bounds: self.near.bounded, ..self.stats }
     }

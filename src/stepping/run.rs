@@ -25,7 +25,7 @@ pub struct Steps {
     pub states: Vec<f64>,
     /// Impulses that are not zero of the steps that end at these times, if asked for.
     pub impulses: Vec<StepImpulse>,
-    /// What it cost and how it went.
+    /// Counts of the work, and how the steps went.
     pub statistics: Statistics,
 }
 

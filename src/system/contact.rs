@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::func::Dims;
 use crate::memory::sizes;
 
-/// What happens where several contacts close at once; the laws differ, and which is right is a matter of the bodies.
+/// Laws for several contacts that close at once; they differ, and which is right is a matter of the bodies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -49,7 +49,7 @@ pub enum Inertia {
     },
 }
 
-/// What contacts act on.
+/// Levels that contacts act on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Order {
@@ -96,13 +96,13 @@ pub struct Contact {
     pub n_tangents: usize,
     /// Gap and its rate, two outputs.
     pub gap: SharedFunction,
-    /// What contact forces need to know, [`Contact::motion_len`] outputs: `g̈ − nᵀ v̇`, `μ`, `e`, `n` (`n_v` values), then for
+    /// Data of the contact forces, [`Contact::motion_len`] outputs: `g̈ − nᵀ v̇`, `μ`, `e`, `n` (`n_v` values), then for
     /// every tangent `s`, `ṡ − Bᵀ v̇` and its column of `B` (`n_v` values).
     pub motion: SharedFunction,
     /// `n λ + B τ` (`n_v` values), `g̈`, and `ṡ` of every tangent; the parameters are those of the system, then `v̇`, `λ`,
     /// `τ`. Its derivatives are those of the equations of motion.
     pub reaction: SharedFunction,
-    /// The same of what it touches alone, for time stepping; none in projected systems.
+    /// The functions above of the coordinates it touches alone, for time stepping; none in projected systems.
     pub local: Option<Local>,
 }
 
@@ -118,7 +118,7 @@ impl Contact {
 pub struct Projection {
     /// The derivatives of all states without constraints.
     pub smooth: SharedFunction,
-    /// What the multipliers `λ` add, `M⁻¹ Σ ∇c_i λ_i`; its states are those of the system, then one multiplier for each constraint.
+    /// Derivatives that the multipliers `λ` add, `M⁻¹ Σ ∇c_i λ_i`; its states are those of the system, then one multiplier for each constraint.
     pub push: SharedFunction,
     /// The constraints `c ≥ 0`.
     pub constraints: SharedFunction,
@@ -127,7 +127,7 @@ pub struct Projection {
 /// Equations of motion with contacts.
 #[derive(Clone)]
 pub struct Mechanics {
-    /// What the contacts act on.
+    /// Level that the contacts act on: velocities, or states directly.
     pub order: Order,
     /// Coordinates `q`, the first states.
     pub n_q: usize,
@@ -139,12 +139,12 @@ pub struct Mechanics {
     pub inertia: Inertia,
     /// The contacts.
     pub contacts: Vec<Contact>,
-    /// What happens where several contacts close at once.
+    /// Law for several contacts that close at once.
     pub law: ImpactLaw,
     /// Bounds of the coordinates that contacts were left out for: nothing is known where they are left. Empty, or one for
     /// every coordinate.
     pub bounds: Vec<Option<(f64, f64)>>,
-    /// The same for finite elements, of a projected system that is made of expressions.
+    /// The form for finite elements, of a projected system that is made of expressions.
     pub projection: Option<Projection>,
 }
 

@@ -53,11 +53,11 @@ pub struct Subsystem {
     pub modes: SharedFunction,
     /// Number of modes.
     pub n_modes: usize,
-    /// Where each mode is valid.
+    /// Region of each mode.
     pub regions: Regions,
 }
 
-/// What the variables `α` of an inclusion are.
+/// Kinds of the variables `α` of an inclusion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum SetValued {
@@ -78,7 +78,7 @@ pub struct Inclusion {
     pub f: SharedFunction,
     /// Switching functions, or constraints.
     pub psi: SharedFunction,
-    /// Which of them.
+    /// Kind of the inclusion, which `psi` belongs to.
     pub set: SetValued,
 }
 
@@ -305,7 +305,7 @@ impl System {
         Ok(k)
     }
 
-    /// Is anything there to integrate?
+    /// Checks that there is something to integrate.
     pub fn validate(&self) -> Result<()> {
         if self.mechanics.is_some() {
             return self.check_alone();
@@ -317,7 +317,7 @@ impl System {
         self.check_discrete()
     }
 
-    /// Must functions of the system be called by one thread only ([`Function::is_serial`])?
+    /// True where functions of the system must be called by one thread only ([`Function::is_serial`]).
     pub fn is_serial(&self) -> bool {
         self.mechanics.as_ref().is_some_and(|m| m.is_serial())
             || self.on_demand.as_ref().is_some_and(|d| d.rhs.is_serial() || d.psi.is_serial())

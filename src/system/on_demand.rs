@@ -24,7 +24,7 @@ pub trait Signed: Send + Sync {
     fn n_out(&self) -> usize;
     /// Pattern of the Jacobian with respect to the inputs, whatever the signs.
     fn jac_pattern(&self) -> &Pattern;
-    /// Is the Jacobian constant as long as the signs are?
+    /// True where the Jacobian is constant as long as the signs are.
     fn is_affine(&self) -> bool;
     /// Length of the workspace.
     fn work_len(&self) -> usize;
@@ -32,7 +32,7 @@ pub trait Signed: Send + Sync {
     fn value(&self, at: &Point, signs: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult;
     /// Entries of the Jacobian in the order of its columns.
     fn jacobian(&self, at: &Point, signs: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult;
-    /// May it be called by one thread only?
+    /// True where it may be called by one thread only.
     fn is_serial(&self) -> bool;
 }
 

@@ -31,7 +31,7 @@ impl Widths {
         self.0.len()
     }
 
-    /// Does nothing switch?
+    /// True where nothing switches.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

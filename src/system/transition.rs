@@ -50,7 +50,7 @@ impl Direction {
 pub struct Transition {
     /// The guard `ψ`, one output.
     pub guard: SharedFunction,
-    /// Where it passes zero to.
+    /// Direction in which the guard passes zero.
     pub direction: Direction,
     /// Discrete states and the values they must have for the transition to be watched.
     pub from: Vec<(usize, f64)>,
@@ -60,24 +60,24 @@ pub struct Transition {
     pub to: Vec<(usize, f64)>,
 }
 
-/// What a transition makes of some states: the others stay as they are.
+/// New values of some states in a transition: the others stay as they are.
 #[derive(Clone)]
 pub struct Reset {
     /// States that jump, ascending.
     pub rows: Vec<usize>,
-    /// What they become, one output for each, of the state before.
+    /// Their new values, one output for each, of the state before.
     pub f: SharedFunction,
 }
 
 impl From<SharedFunction> for Reset {
-    /// Of all states.
+    /// Reset of all states.
     fn from(f: SharedFunction) -> Reset {
         Reset { rows: (0..f.dims().x).collect(), f }
     }
 }
 
 impl Reset {
-    /// The same as a function with one output for every state.
+    /// The reset as a function with one output for every state.
     pub fn whole(&self) -> SharedFunction {
         let nx = self.f.dims().x;
         if self.rows.len() == nx {

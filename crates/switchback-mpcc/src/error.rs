@@ -25,7 +25,7 @@ pub enum Error {
     User {
         /// The code.
         code: i32,
-        /// Which function.
+        /// The function and its part.
         what: String,
     },
     /// A user function has no finite value where one is needed.
@@ -64,7 +64,7 @@ impl Error {
         }
     }
 
-    /// The same error with other words.
+    /// This error with other words.
     pub fn with_text(&self, text: impl FnOnce(&str) -> String) -> Error {
         match self {
             Error::Null(s) => Error::Null(text(s)),

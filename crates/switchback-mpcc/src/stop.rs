@@ -51,7 +51,7 @@ impl Why {
     }
 }
 
-/// What can end a call from outside; by default nothing.
+/// Means to end a call from outside; by default none.
 #[derive(Debug, Clone, Default)]
 pub struct Stop {
     flag: Option<Arc<AtomicBool>>,
@@ -72,14 +72,14 @@ impl Stop {
         }
     }
 
-    /// The same, with the latest end after this share of the time that is left.
+    /// This stop with the latest end after this share of the time that is left.
     pub fn sooner(&self, share: f64) -> Stop {
         let now = Instant::now();
         let deadline = self.deadline.map(|d| now + d.saturating_duration_since(now).mul_f64(share));
         Stop { flag: self.flag.clone(), deadline }
     }
 
-    /// The same with a flag, a new one where there is none: for work that several threads share.
+    /// This stop with a flag, a new one where there is none: for work that several threads share.
     pub fn with_flag(mut self) -> Stop {
         self.flag.get_or_insert_default();
         self
@@ -92,7 +92,7 @@ impl Stop {
         }
     }
 
-    /// Is the call to end? Reads the clock.
+    /// Reason for the call to end, if there is one. Reads the clock.
     pub fn why(&self) -> Option<Why> {
         if self.flag.as_ref().is_some_and(|f| f.load(Ordering::Relaxed)) {
             return Some(Why::Interrupted);
@@ -171,7 +171,7 @@ impl Drop for Restore {
     }
 }
 
-/// Is the call that runs on this thread to end? Cheap enough for every evaluation of a model function.
+/// Reason for the call that runs on this thread to end, if there is one. Cheap enough for every evaluation of a model function.
 #[inline]
 pub fn requested() -> Option<Why> {
     if memory::short() {
@@ -203,7 +203,7 @@ pub fn check() -> Result<()> {
 /// Variables from which a problem takes long enough to build to ask in between.
 const LARGE: usize = 10_000;
 
-/// As [`check`], between the parts of building a problem in `n` variables. A small one is built in no time: a call whose time
+/// Checks like [`check`], between the parts of building a problem in `n` variables. A small one is built in no time: a call whose time
 /// is over then has an outcome, and its starting point as the result.
 pub fn check_building(n: usize) -> Result<()> {
     if n > LARGE {
@@ -213,7 +213,7 @@ pub fn check_building(n: usize) -> Result<()> {
     }
 }
 
-/// What [`check`] says after an evaluation that was not done because the call is to end.
+/// Error of [`check`] after an evaluation that was not done because the call is to end.
 pub fn error() -> Error {
     requested().map_or(Error::Interrupted, Why::error)
 }

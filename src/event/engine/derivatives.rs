@@ -40,7 +40,7 @@ impl Engine {
         self.derivatives.sens.as_ref().map(|s| &s.s[..]).or(asked.then_some(&[]))
     }
 
-    /// Had the motion since the start several continuations somewhere, one of which was chosen?
+    /// True where the motion since the start had several continuations somewhere, one of which was chosen.
     pub fn ambiguous(&self) -> bool {
         self.log.ambiguous
     }

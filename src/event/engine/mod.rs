@@ -47,7 +47,7 @@ const EPS: f64 = f64::EPSILON;
 /// A time, relative to the run so far and what is left of it, in which nothing happens: the square of it is beyond
 /// rounding.
 const NO_TIME: f64 = 1e-11;
-/// What a call of [`Engine::step`] did.
+/// Result of a call of [`Engine::step`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Progress {
@@ -184,7 +184,7 @@ impl Engine {
         self.arbiter = arbiter;
     }
 
-    /// Who is asked about every hundredth of a second whether a call is to go on: by [`Engine::is_to_end`], and between the transitions of one
+    /// Sets the function that is asked about every hundredth of a second whether a call is to go on: by [`Engine::is_to_end`], and between the transitions of one
     /// time, of which there may be many. What asked before is given back.
     pub fn set_poll(&mut self, poll: Option<Poll>) -> Option<Poll> {
         std::mem::replace(&mut self.polls.ask, poll)
@@ -195,12 +195,12 @@ impl Engine {
         self.polls.begin();
     }
 
-    /// Is the call to end? Asks, if it is time to.
+    /// True where the call is to end. Asks, if it is time to.
     pub fn is_to_end(&mut self) -> bool {
         self.polls.is_to_end()
     }
 
-    /// Was the call ended between transitions of one time? The next one goes on with those that are left.
+    /// True where the call was ended between transitions of one time. The next one goes on with those that are left.
     pub fn is_unmade(&self) -> bool {
         self.unmade
     }
@@ -339,7 +339,7 @@ impl Engine {
         Ok(self.log.outcome)
     }
 
-    /// Did the last step fail before it was begun, for lack of memory? Then the next one may be tried again.
+    /// True where the last step failed before it was begun, for lack of memory. Then the next one may be tried again.
     pub fn was_refused(&self) -> bool {
         self.refused
     }
@@ -382,7 +382,7 @@ impl Engine {
         self.step_to(t_stop)
     }
 
-    /// The same for those that do not look at every switch: single units of a system of many may switch in the step, which does not end for
+    /// [`Engine::step`] for callers that do not look at every switch: single units of a system of many may switch in the step, which does not end for
     /// them.
     ///
     /// # Errors

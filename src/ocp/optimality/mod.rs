@@ -90,7 +90,7 @@ const RANK: f64 = 1e-9;
 /// Share of the largest multiplier below which one acts nowhere.
 const NOTHING: f64 = 1e-9;
 
-/// What an answer is.
+/// Verdicts on an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -99,7 +99,7 @@ pub enum Verdict {
     Unknown = 0,
     /// No change of controls, free lengths, parameters, initial states lowers the cost to first order.
     LocalOptimum = 1,
-    /// The same; switches lie between control stages, and the cost rises on either side.
+    /// Local optimum at a kink; switches lie between control stages, and the cost rises on either side.
     Kink = 2,
     /// Some change lowers the cost to first order.
     NotOptimal = 3,
@@ -131,7 +131,7 @@ pub struct Kink {
     /// together can do; negative where that lowers the cost, NaN where the surface is not reached under the control of that
     /// stage, and no small change leads there, or where the motion jumps to another one, which costs more or misses constraints.
     pub before: f64,
-    /// The same, behind.
+    /// Derivative in the stage behind.
     pub after: f64,
     /// No switch: the surface is touched and left again. The first derivative is then that away from it, the second that of a
     /// moment behind it, as long as the stage; where the control turns the state back at the end of a stage, on both sides, that of
@@ -140,7 +140,7 @@ pub struct Kink {
     pub touch: bool,
 }
 
-/// What is known of an answer as a point of the control problem.
+/// Optimality of an answer as a point of the control problem.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimality {
     /// Verdict.
@@ -157,7 +157,7 @@ pub struct Optimality {
     pub gradient: Vec<f64>,
     /// Switches between control stages.
     pub kinks: Vec<Kink>,
-    /// Where the answer is not optimal: changes of the controls `[n_stages · nu]` that lower the cost to first order, the
+    /// Changes of the controls where the answer is not optimal: `[n_stages · nu]` that lower the cost to first order, the
     /// largest of them as large as the quantity usually is. Empty otherwise, and where controls are linear.
     pub direction: Vec<f64>,
     /// Are there constraints along the path that act, or may act, with other multipliers than those of the answer?

@@ -110,7 +110,7 @@ fn access(s: &mut String, all: &Options) {
         first = false;
         let (name, ty) = (&o.name, &e.type_name);
         if e.is_toggle() {
-            let _ = write!(s, "    /// Is the option {name} on?\n    pub fn {name}(&self) -> bool {{\n        self.{name} != 0\n    }}");
+            let _ = write!(s, "    /// True where the option {name} is on.\n    pub fn {name}(&self) -> bool {{\n        self.{name} != 0\n    }}");
         } else {
             let _ =
                 write!(s, "    /// [`{ty}`] of these settings.\n    pub fn {name}(&self) -> Result<{ty}> {{\n        ");

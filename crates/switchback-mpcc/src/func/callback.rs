@@ -124,7 +124,7 @@ impl Callback {
         Callback::with_work(name, dims, n_out, 0, move |at, out, _| value(at, out))
     }
 
-    /// The same with memory: `value(point, out, work)` gets `work[work_len]`, whose content is undefined. So do the
+    /// A callback with memory: `value(point, out, work)` gets `work[work_len]`, whose content is undefined. So do the
     /// closures of [`Callback::with_jacobian_in_work`] and [`Callback::with_hessian_in_work`].
     pub fn with_work(
         name: &str,

@@ -35,7 +35,7 @@ impl Default for CheckSettings {
     }
 }
 
-/// What is wrong with an entry.
+/// Mistakes in an entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum MismatchKind {
@@ -63,7 +63,7 @@ impl fmt::Display for MismatchKind {
 /// One derivative that does not agree with the differences.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mismatch {
-    /// What is wrong.
+    /// The mistake.
     pub kind: MismatchKind,
     /// Row in the pattern: an output of the Jacobian, an input of the Hessian.
     pub row: usize,

@@ -78,7 +78,7 @@ impl Kinked {
         &self.smooth
     }
 
-    /// What was taken out of it.
+    /// The kinks that were taken out of it.
     pub fn kinks(&self) -> &[Maximum] {
         &self.kinks
     }

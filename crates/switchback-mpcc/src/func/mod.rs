@@ -45,7 +45,7 @@ impl Dims {
     }
 }
 
-/// Where a function is evaluated; the slices have the lengths of [`Dims`].
+/// Inputs of a function; the slices have the lengths of [`Dims`].
 #[derive(Debug, Clone, Copy)]
 pub struct Point<'a> {
     /// Time.
@@ -76,7 +76,7 @@ pub type EvalResult = std::result::Result<(), EvalError>;
 pub trait Bundle: Send {
     /// The point at which parts are evaluated from here on.
     fn move_to(&mut self, at: &Point);
-    /// The same with another value of one input, by its number in the order `x`, `u`, `p`, `t`.
+    /// The point with another value of one input, by its number in the order `x`, `u`, `p`, `t`.
     fn set_input(&mut self, input: usize, value: f64);
     /// Operations that many outputs have in common, which every point costs.
     fn common_operations(&self) -> usize;

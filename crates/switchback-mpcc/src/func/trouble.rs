@@ -1,4 +1,4 @@
-//! What functions complained about during a call, so that the call can say so.
+//! Complaints of functions during a call, so that the call can say so.
 //!
 //! A solver sees of a failing function only that it failed. Functions made of closures and functions made of
 //! expressions write down here, per thread, which of them it was, which output and at which point; whoever ends a
@@ -22,7 +22,7 @@ pub struct Complaint {
     pub part: &'static str,
     /// Code of the callback; 0 for an output that is not finite.
     pub code: i32,
-    /// Where and what, in words that follow "is not finite where it is needed"; may be empty.
+    /// Place and kind, in words that follow "is not finite where it is needed"; may be empty.
     pub place: String,
     /// The function gets no time although it may want it.
     pub timeless: bool,
@@ -114,13 +114,13 @@ pub fn place(at: &Point, bad: Option<(usize, f64)>) -> String {
     s
 }
 
-/// Is a solver at work?
+/// True while a solver is at work.
 pub fn solving() -> bool {
     NOW.with(|now| now.borrow().solving)
 }
 
 impl Complaint {
-    /// As the error of a call that cannot go on.
+    /// The complaint as the error of a call that cannot go on.
     pub fn error(&self) -> Error {
         let (part, name, code, place) = (self.part, &self.function, self.code, &self.place);
         if code < 0 {

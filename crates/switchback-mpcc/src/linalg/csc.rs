@@ -284,7 +284,7 @@ impl Pattern {
         }
     }
 
-    /// Whether the matrix is square with every entry on or above the diagonal.
+    /// True where the matrix is square with every entry on or above the diagonal.
     #[inline]
     pub fn is_upper(&self) -> bool {
         self.n_rows == self.n_cols && (0..self.n_cols).all(|j| self.rows(j).last().is_none_or(|&i| i <= j))

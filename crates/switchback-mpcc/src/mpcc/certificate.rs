@@ -74,7 +74,7 @@ impl Stationarity {
     }
 }
 
-/// Does `d = 0` solve the linearised problem with complementarity constraints (2.29)?
+/// B-stationarity: `d = 0` solves the linearised problem with complementarity constraints (2.29).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -99,7 +99,7 @@ impl BStationarity {
     }
 }
 
-/// What kept a certificate from saying more.
+/// Reasons why a certificate does not say more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -133,16 +133,16 @@ impl Doubt {
     }
 }
 
-/// What is known of a point.
+/// Knowledge of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Certificate {
     /// Type of stationarity.
     pub stationarity: Stationarity,
-    /// Is it shown that there are no multipliers of a stronger type?
+    /// True where it is shown that there are no multipliers of a stronger type.
     pub sharp: bool,
     /// B-stationarity.
     pub b: BStationarity,
-    /// What the questions left open failed at; of B-stationarity first, else of the type.
+    /// Reason why questions are left open: that of B-stationarity first, else that of the type.
     pub doubt: Doubt,
     /// Number of biactive pairs.
     pub biactive: usize,

@@ -1,4 +1,4 @@
-//! Where a result hurts: residuals as the solver saw them, the constraints violated most, and warnings about rank and
+//! Diagnostics of a result: residuals as the solver saw them, the constraints violated most, and warnings about rank and
 //! scaling of the gradients.
 //!
 //! Everything is computed from the point and its first derivatives; nothing is evaluated.
@@ -19,7 +19,7 @@ pub enum Item {
     Pair(usize),
 }
 
-/// What may be wrong with a program at a point.
+/// Warnings about a program at a point.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Warning {
@@ -125,7 +125,7 @@ pub fn residuals(at: &Local, scaling: &Factors) -> (Residuals, Residuals) {
     (plain, scaled)
 }
 
-/// What is violated, the worst first: bounds of rows and variables by how much they are exceeded, pairs by
+/// Violations, the worst first: bounds of rows and variables by how much they are exceeded, pairs by
 /// `min(G, H)`.
 pub fn worst(at: &Local) -> Vec<(Item, f64)> {
     let b = at.bounds;

@@ -131,12 +131,12 @@ impl Scholtes {
         }
     }
 
-    /// The same for the program of a user (`given`), whose first relaxation may be enlarged where it weighs (`priced`).
+    /// This path for the program of a user (`given`), whose first relaxation may be enlarged where it weighs (`priced`).
     pub fn of(self, given: bool, priced: bool) -> Scholtes {
         Scholtes { given, priced: given && priced, ..self }
     }
 
-    /// The same as one of several strategies, after so many iterations of it: what creeps ends.
+    /// This path as one of several strategies, after so many iterations of it: what creeps ends.
     pub fn after(self, spent: Option<Spent>) -> Scholtes {
         Scholtes { spent, ..self }
     }

@@ -32,7 +32,7 @@ pub enum FoundBy {
     /// The path that the settings describe.
     #[default]
     Path = 0,
-    /// The same from the pairs as they were given, instead of centred ones.
+    /// The path from the pairs as they were given, instead of centred ones.
     AsGiven = 1,
     /// Product multipliers are not limited.
     Unlimited = 2,
@@ -44,7 +44,7 @@ pub enum FoundBy {
     Feasible = 5,
     /// The path with an objective that weighs much more beside barrier and relaxation.
     Heavy = 6,
-    /// The same with one between that and the usual one.
+    /// The path with an objective that weighs less than in `Heavy` and more than usual.
     Middle = 7,
     /// A branch next to that of another answer, or next to one of those.
     Neighbours = 8,

@@ -2,7 +2,7 @@
 
 use crate::nlp::{Bounds, Nlp};
 
-/// Which member of a pair is zero.
+/// The member of a pair that is zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// `w_a = 0`.
@@ -70,7 +70,7 @@ pub trait Mpcc: Nlp {
         &[]
     }
 
-    /// Is this a discretised problem? Then its starting point knows something of the pairs, its branches are exact where
+    /// True for a discretised problem. Then its starting point knows something of the pairs, its branches are exact where
     /// they have a solution, and what a branch fixes beside the pairs belongs to the statement.
     fn is_discretised(&self) -> bool {
         false

@@ -2,7 +2,7 @@
 
 use super::problem::Side;
 
-/// What an active set is asked for.
+/// Purposes of an active set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ProposalKind {

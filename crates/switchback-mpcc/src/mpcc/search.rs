@@ -164,7 +164,7 @@ impl MpccSolver {
         self.solution.stats.add(cost);
     }
 
-    /// Where no active set like the identified one has a solution: the best among those further away; true when there is
+    /// Looks for the best active set further away where none like the identified one has a solution; true when there is
     /// one. Starts at the point the relaxation reached, and goes on from the best of the points where branches get stuck.
     pub fn rescue(
         &mut self,

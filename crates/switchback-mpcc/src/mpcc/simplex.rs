@@ -21,7 +21,7 @@ const ROUNDING: f64 = 1e-12;
 const PATIENCE: usize = 5;
 const MOST: usize = 50;
 
-/// What is known of a program.
+/// Knowledge of a program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Found {
     /// A point within all bounds, and, where there is an objective, the best one.
@@ -56,7 +56,7 @@ pub struct Simplex {
     rate: Vec<f64>,
     /// Entries of tableaus that pivots have gone over so far.
     pub work: f64,
-    /// The same that they may go over.
+    /// Entries that they may go over.
     pub allowed: f64,
 }
 

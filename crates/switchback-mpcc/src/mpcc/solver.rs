@@ -36,7 +36,7 @@ pub enum Polish {
     Rejected = 2,
 }
 
-/// What a solve found.
+/// Result of a solve.
 #[derive(Debug, Clone)]
 pub struct Solution {
     /// How it ended.
@@ -52,16 +52,16 @@ pub struct Solution {
     /// Multipliers of the bounds of the variables, lower minus upper `[n]`. For members of pairs these are
     /// the multipliers `ν`, `ξ` of the MPCC, (2.31).
     pub z: Vec<f64>,
-    /// Which side of each group is zero.
+    /// Side of each group that is zero.
     pub sides: Vec<Side>,
     /// Residuals at `σ = 0`.
     pub residuals: Residuals,
-    /// What an exact point is; unknown without a polish.
+    /// Kind of an exact point; unknown without a polish.
     pub certificate: Certificate,
     /// The constraints that conflict, where the problem is infeasible. `y` are then the multipliers of the least
     /// violation.
     pub conflict: Option<Conflict>,
-    /// What found it.
+    /// Strategy that found it.
     pub found_by: FoundBy,
     /// Cost of everything.
     pub stats: Statistics,

@@ -24,7 +24,7 @@ pub fn left() -> usize {
     LEFT.get()
 }
 
-/// Are all iterations spent?
+/// True where all iterations are spent.
 pub fn is_over() -> bool {
     left() == 0
 }

@@ -14,7 +14,7 @@ use super::problem::{Bounds, Nlp};
 use super::solver::Ipm;
 use crate::linalg::kkt::KktStatus;
 
-/// What the conditions of second order say of a point that satisfies those of first order.
+/// Verdicts of the conditions of second order on a point that satisfies those of first order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -47,11 +47,11 @@ impl SecondOrder {
 pub struct FirstOrder {
     /// The largest entry of the gradient of the objective.
     pub gradient: f64,
-    /// What the multipliers leave over of it.
+    /// The part of it that the multipliers leave over.
     pub left: f64,
-    /// What rounding may have left over of the terms of the gradient of the Lagrangian.
+    /// Size that rounding may have left over of the terms of the gradient of the Lagrangian.
     pub rounding: f64,
-    /// What violations of rows are worth: multipliers times violations.
+    /// Worth of the violations of rows: multipliers times violations.
     pub hidden: f64,
 }
 
@@ -91,13 +91,13 @@ impl Ipm {
         found
     }
 
-    /// Is the Hessian at the point of [`Ipm::look_at`] positive definite along the equations of `bounds`, in which active constraints
-    /// are equations and others absent?
+    /// True where the Hessian at the point of [`Ipm::look_at`] is positive definite along the equations of `bounds`, in which active constraints
+    /// are equations and others absent.
     pub fn is_convex_along(&mut self, bounds: &Bounds) -> bool {
         self.factor_along(bounds, -LEAST) == KktStatus::Ok
     }
 
-    /// Has the Hessian negative curvature along the equations of `bounds`, as [`Ipm::is_convex_along`]? Only where a direction is found.
+    /// True where the Hessian has negative curvature along the equations of `bounds`, as in [`Ipm::is_convex_along`]. Only where a direction is found.
     pub fn is_concave_along(&mut self, bounds: &Bounds) -> bool {
         let mut lift = LEAST;
         if self.factor_along(bounds, lift) != KktStatus::WrongInertia {

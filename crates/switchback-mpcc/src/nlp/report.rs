@@ -24,7 +24,7 @@ pub enum Outcome {
     Diverging = 6,
     /// A function has no value at the starting point, or failed for good.
     Failed = 7,
-    /// Of an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are
+    /// Only for an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are
     /// another motion.
     NotFollowed = 8,
     /// Converged to a point that minimises the violation of the constraints locally; whether there is a point elsewhere is not known.
@@ -75,7 +75,7 @@ pub struct Residuals {
     pub pair_min: f64,
 }
 
-/// What a solve cost.
+/// Work and time of a solve.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Statistics {
     /// Interior-point iterations, restoration included.
@@ -150,7 +150,7 @@ pub struct IterationInfo {
 /// Phase of linear programs of certificates, whose iterations are none of the solve.
 const CERTIFICATE: u8 = b'c';
 
-/// What can stop a solve from outside, and who is told of its progress.
+/// Means to stop a solve from outside, and the listener to its progress.
 #[derive(Default)]
 pub struct Control<'a> {
     /// Ends the solve when another thread wants it, or when its time is over.
@@ -165,7 +165,7 @@ impl Control<'_> {
         Control { stop, monitor: None }
     }
 
-    /// The same end, without the monitor: for a solve inside of a solve.
+    /// This control without the monitor: for a solve inside of a solve.
     pub fn quiet(&self) -> Control<'static> {
         Control::of(self.stop.clone())
     }

@@ -48,7 +48,7 @@ pub struct Measures {
     pub rounding: f64,
     /// Length of the last primal step; 1 before the first.
     pub alpha: f64,
-    /// What was added to the diagonal of the Hessian for that step; 0 where nothing had to be.
+    /// Number added to the diagonal of the Hessian for that step; 0 where nothing had to be.
     pub shift: f64,
     /// Largest smaller member of a pair.
     pub pair_min: f64,
@@ -59,14 +59,14 @@ pub struct Measures {
     pub pull: f64,
 }
 
-/// What a [`Continuation`] answers.
+/// Answers of a [`Continuation`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Advance {
     /// Go on with this level.
     Stay,
-    /// This level is solved well enough: next level.
+    /// Solved well enough: next level.
     To(Level),
-    /// This level is too far from the last one: back to the point where that was left, and on with another one.
+    /// Too far from the last level: back to the point where that was left, and on with another one.
     Back(Level),
     /// On with this level from this point, with multipliers as at a start.
     Renew,
@@ -90,11 +90,11 @@ pub trait Continuation {
     fn relaxed_rows(&self) -> Range<usize> {
         0..0
     }
-    /// Does a level with a larger barrier parameter begin near its central path, instead of where the last one was left?
+    /// True where a level with a larger barrier parameter begins near its central path, instead of where the last one was left.
     fn recentres(&self) -> bool {
         false
     }
-    /// Are short directions of the present level corrected towards the central path?
+    /// True where short directions of the present level are corrected towards the central path.
     fn corrects(&self) -> bool {
         false
     }
@@ -133,7 +133,7 @@ impl Continuation for Monotone {
     }
 }
 
-/// Where a solve starts.
+/// Starting points of a solve.
 #[derive(Debug, Clone, Copy)]
 pub enum Start<'a> {
     /// From a point `x[n]`, multipliers estimated.
@@ -322,7 +322,7 @@ impl Ipm {
         self.level
     }
 
-    /// What the last solve cost.
+    /// Work and time of the last solve.
     pub fn statistics(&self) -> &Statistics {
         &self.stats
     }

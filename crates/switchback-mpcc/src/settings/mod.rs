@@ -83,7 +83,7 @@ impl Bound {
         }
     }
 
-    /// Is the number itself outside the range?
+    /// True where the number itself is outside the range.
     pub fn is_open(self) -> bool {
         matches!(self, Bound::Open(_))
     }
@@ -107,7 +107,7 @@ pub struct OptionInfo {
     pub symbol: &'static str,
     /// Description in one sentence.
     pub doc: &'static str,
-    /// Fixed once the object is built (it shapes the problem), or free between solves?
+    /// True where it is fixed once the object is built, since it shapes the problem; else it is free between solves.
     pub setup_only: bool,
     /// Byte offset in [`Settings`].
     pub offset: usize,
@@ -140,7 +140,7 @@ impl OptionInfo {
         }
     }
 
-    /// Is the number inside the range of this option? NaN never is.
+    /// True where the number is inside the range of this option. NaN never is.
     pub fn contains(&self, v: f64) -> bool {
         (match self.min {
             Closed(a) => v >= a,

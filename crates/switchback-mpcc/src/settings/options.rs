@@ -1853,7 +1853,7 @@ impl Settings {
         StepEquilibration::from_i64(self.step_equilibration).ok_or_else(|| bad("step_equilibration", self.step_equilibration))
     }
 
-    /// Is the option polish on?
+    /// True where the option polish is on.
     pub fn polish(&self) -> bool {
         self.polish != 0
     }
@@ -1878,37 +1878,37 @@ impl Settings {
         Ordering::from_i64(self.ordering).ok_or_else(|| bad("ordering", self.ordering))
     }
 
-    /// Is the option scaling on?
+    /// True where the option scaling is on.
     pub fn scaling(&self) -> bool {
         self.scaling != 0
     }
 
-    /// Is the option centre_pairs on?
+    /// True where the option centre_pairs is on.
     pub fn centre_pairs(&self) -> bool {
         self.centre_pairs != 0
     }
 
-    /// Is the option convexify_pairs on?
+    /// True where the option convexify_pairs is on.
     pub fn convexify_pairs(&self) -> bool {
         self.convexify_pairs != 0
     }
 
-    /// Is the option early_polish on?
+    /// True where the option early_polish is on.
     pub fn early_polish(&self) -> bool {
         self.early_polish != 0
     }
 
-    /// Is the option square_newton on?
+    /// True where the option square_newton is on.
     pub fn square_newton(&self) -> bool {
         self.square_newton != 0
     }
 
-    /// Is the option certify on?
+    /// True where the option certify is on.
     pub fn certify(&self) -> bool {
         self.certify != 0
     }
 
-    /// Is the option restore_tiny on?
+    /// True where the option restore_tiny is on.
     pub fn restore_tiny(&self) -> bool {
         self.restore_tiny != 0
     }
@@ -1923,7 +1923,7 @@ impl Settings {
         Homotopy::from_i64(self.homotopy).ok_or_else(|| bad("homotopy", self.homotopy))
     }
 
-    /// Is the option accuracy on?
+    /// True where the option accuracy is on.
     pub fn accuracy(&self) -> bool {
         self.accuracy != 0
     }
@@ -1948,7 +1948,7 @@ impl Settings {
         AmbiguityPolicy::from_i64(self.ambiguity).ok_or_else(|| bad("ambiguity", self.ambiguity))
     }
 
-    /// Is the option dense on?
+    /// True where the option dense is on.
     pub fn dense(&self) -> bool {
         self.dense != 0
     }
@@ -1958,12 +1958,12 @@ impl Settings {
         Sensitivity::from_i64(self.sensitivity).ok_or_else(|| bad("sensitivity", self.sensitivity))
     }
 
-    /// Is the option adjoint on?
+    /// True where the option adjoint is on.
     pub fn adjoint(&self) -> bool {
         self.adjoint != 0
     }
 
-    /// Is the option explain on?
+    /// True where the option explain is on.
     pub fn explain(&self) -> bool {
         self.explain != 0
     }

@@ -94,7 +94,7 @@ pub unsafe fn from_library(path: &Path, name: &str, dims: Dims, inputs: Option<&
     assemble(f, jacobian, hessian, jac_pattern, dims, inputs)
 }
 
-/// The same of code that is linked already, given by addresses; `jacobian` and `hessian` are the functions described
+/// Makes a callback of code that is linked already, given by addresses; `jacobian` and `hessian` are the functions described
 /// above, if they are there.
 ///
 /// # Errors
@@ -118,7 +118,7 @@ pub unsafe fn from_symbols(
     assemble(f, jacobian, hessian, None, dims, inputs)
 }
 
-/// The same of functions saved in a file, evaluated by CasADi's virtual machine: no compiler is needed. `casadi` is its
+/// Makes a callback of functions saved in a file, evaluated by CasADi's virtual machine: no compiler is needed. `casadi` is its
 /// library, `libcasadi.so`. The file holds a list of functions (`FileSerializer.pack`): `f` and its derivatives.
 ///
 /// # Errors

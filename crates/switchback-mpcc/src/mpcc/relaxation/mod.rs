@@ -1,4 +1,4 @@
-//! What stands for `0 ≤ a ⊥ b ≥ 0` in the nonlinear programs of the homotopy.
+//! Replacements of `0 ≤ a ⊥ b ≥ 0` in the nonlinear programs of the homotopy.
 //!
 //! A [`Strategy`] says which rows a pair has, their functions of `(a, b; σ)` with first and second derivatives, which
 //! terms the objective gets, and which variables are added. `σ` has one meaning for all: `a = b = √σ` is where the
@@ -42,9 +42,9 @@ pub struct Row {
     pub lower: f64,
     /// Upper bound.
     pub upper: f64,
-    /// Is its Hessian that of the product `a b`?
+    /// True where its Hessian is that of the product `a b`.
     pub product: bool,
-    /// Is the elastic variable of the pair subtracted?
+    /// True where the elastic variable of the pair is subtracted.
     pub elastic: bool,
 }
 
@@ -68,18 +68,18 @@ pub struct Softness {
     pub sigma: f64,
     /// `√σ`.
     pub root: f64,
-    /// Of this pair alone: lower bounds of `a` and `b`, bound of the product. Zero where a strategy has none.
+    /// Numbers of this pair alone: lower bounds of `a` and `b`, bound of the product. Zero where a strategy has none.
     pub own: [f64; 3],
 }
 
 impl Softness {
-    /// The same for all pairs.
+    /// One softness for all pairs.
     pub fn new(sigma: f64) -> Softness {
         Softness { sigma, root: sigma.sqrt(), own: [0.0; 3] }
     }
 }
 
-/// Where `σ` is.
+/// Place of `σ`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SigmaIn {
     /// The upper bound of the first row: functions do not depend on it.
@@ -101,7 +101,7 @@ pub enum Elastic {
     Each,
 }
 
-/// Which sequence of problems belongs to a strategy.
+/// Sequences of problems, one of which belongs to a strategy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Sequence {
     /// `σ` falls by its schedule.
@@ -127,15 +127,15 @@ pub trait Strategy: Sync {
     fn rows(&self) -> &'static [Row];
     /// Function of row `i`, without elastic variable and `σ` of [`SigmaIn::Bound`].
     fn jet(&self, i: usize, a: f64, b: f64, q: &Softness) -> Jet;
-    /// Where `σ` is.
+    /// Place of `σ`.
     fn sigma_in(&self) -> SigmaIn {
         SigmaIn::Functions
     }
-    /// Have rows other second derivatives than `∂²/∂a∂b`?
+    /// True where rows have other second derivatives than `∂²/∂a∂b`.
     fn curved(&self) -> bool {
         false
     }
-    /// Are the first rows of the pairs added up, group by group (in all, where pairs form no groups)?
+    /// True where the first rows of the pairs are added up, group by group (in all, where pairs form no groups).
     fn lumped(&self) -> bool {
         false
     }
@@ -147,7 +147,7 @@ pub trait Strategy: Sync {
     fn elastic(&self) -> Elastic {
         Elastic::None
     }
-    /// Are the ordinary rows relaxed by the elastic variable?
+    /// True where the ordinary rows are relaxed by the elastic variable.
     fn relaxes_rows(&self) -> bool {
         false
     }
@@ -155,7 +155,7 @@ pub trait Strategy: Sync {
     fn weights(&self, _sigma: f64) -> (f64, f64) {
         (0.0, 0.0)
     }
-    /// Which sequence of problems belongs to it.
+    /// Sequence of problems that belongs to it.
     fn sequence(&self) -> Sequence {
         Sequence::Relaxation
     }
