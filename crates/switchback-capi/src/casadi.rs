@@ -44,9 +44,9 @@ pub struct swb_casadi {
     pub incref: swb_code,
     /// f_decref
     pub decref: swb_code,
-    /// Of the generated file, since CasADi 3.8: size of an integer.
+    /// Size of an integer in the generated file, since CasADi 3.8.
     pub int_size: swb_code,
-    /// Of the generated file, since CasADi 3.8: size of a number.
+    /// Size of a number in the generated file, since CasADi 3.8.
     pub real_size: swb_code,
 }
 

@@ -62,7 +62,7 @@ pub enum swb_stationarity {
     Unknown = 6,
 }
 
-/// Does no step to first order lead to a better point?
+/// Answers to whether no step to first order leads to a better point.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_b_stationarity {
@@ -74,7 +74,7 @@ pub enum swb_b_stationarity {
     Undecided = 2,
 }
 
-/// What kept a certificate from saying more.
+/// Reasons why a certificate does not say more.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_doubt {
@@ -92,7 +92,7 @@ pub enum swb_doubt {
     Stopped = 5,
 }
 
-/// What the conditions of second order say of a point with multipliers of type S.
+/// Verdicts of the conditions of second order on a point with multipliers of type S.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_second_order {
@@ -160,7 +160,7 @@ pub extern "C" fn swb_second_order_name(second_order: i32) -> *const c_char {
     })
 }
 
-/// What is known of the point of a program. Without pairs type S says that it satisfies the conditions of Karush, Kuhn and Tucker.
+/// Knowledge of the point of a program. Without pairs type S says that it satisfies the conditions of Karush, Kuhn and Tucker.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct swb_certificate {
@@ -172,7 +172,7 @@ pub struct swb_certificate {
     pub sharp: i64,
     /// B-stationarity (enum swb_b_stationarity).
     pub b_stationarity: i64,
-    /// What the questions left open failed at (enum swb_doubt).
+    /// Reason why questions are left open (enum swb_doubt).
     pub doubt: i64,
     /// Pairs of which both members are zero.
     pub biactive: i64,
@@ -186,7 +186,7 @@ pub struct swb_certificate {
     pub lp_iterations: i64,
     /// Nodes of the searches.
     pub nodes: i64,
-    /// What the conditions of second order say (enum swb_second_order). Discretised problems with modes are not asked.
+    /// Verdict of the conditions of second order (enum swb_second_order). Discretised problems with modes are not asked.
     pub second_order: i64,
     /// Active constraints and bounds whose gradients depend on those of others; 0 where the conditions of second order were not
     /// looked at.
@@ -508,7 +508,7 @@ pub unsafe extern "C" fn swb_mpcc_get_name(
     })
 }
 
-/// What the point of the last solve violates, the worst first: bounds by how much they are exceeded, pairs by
+/// Violations at the point of the last solve, the worst first: bounds by how much they are exceeded, pairs by
 /// min(G, H).
 ///
 /// @param[out] kinds      [k] enum swb_item
@@ -591,7 +591,7 @@ pub unsafe extern "C" fn swb_mpcc_get_conflict(
     })
 }
 
-/// What is known of the point of the last solve: type of stationarity, B-stationarity.
+/// Knowledge of the point of the last solve: type of stationarity, B-stationarity.
 ///
 /// @param[out] certificate every field is written
 /// @param[in]  struct_size sizeof(swb_certificate)
@@ -660,7 +660,7 @@ pub unsafe extern "C" fn swb_mpcc_statistics_json(
     guard(|| unsafe { handle::with_ref(mpcc, |p| raw::write_text(&p.statistics_json()?, buf, len, needed)) })
 }
 
-/// The same for people: a table with the worst violations and what looks wrong about the program.
+/// Report on the last solve for people: a table with the worst violations and what looks wrong about the program.
 ///
 /// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
 /// @param[out] needed length with the final NUL; may be NULL

@@ -496,7 +496,7 @@ pub unsafe extern "C" fn swb_model_system(model: *const swb_model, out: *mut *mu
     })
 }
 
-/// What a model consists of. Any output may be NULL.
+/// Sizes of the parts of a model. Any output may be NULL.
 ///
 /// @param[out] n_subsystems          groups of terms that switch together
 /// @param[out] n_switching_functions of all subsystems

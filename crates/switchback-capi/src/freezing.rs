@@ -72,7 +72,7 @@ impl swb_freeze_options {
     }
 }
 
-/// Where things are in a model in numerical time: the states of the scene come first and keep their numbers.
+/// Places of states and controls in a model in numerical time: the states of the scene come first and keep their numbers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct swb_freeze_layout {
@@ -163,7 +163,7 @@ pub unsafe extern "C" fn swb_scene_freeze(
     })
 }
 
-/// What became of the contacts in the last call of swb_scene_freeze: strengths, the recommended ones, warnings.
+/// Report on the contacts in the last call of swb_scene_freeze: strengths, the recommended ones, warnings.
 ///
 /// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
 /// @param[out] needed length with the final NUL; may be NULL

@@ -23,7 +23,7 @@ impl Object for swb_function {
     const NAME: &'static str = "swb_function";
 }
 
-/// Where a function is evaluated. Derivatives number the inputs in this order: x, u, p, then t.
+/// Inputs of a function that is evaluated. Derivatives number the inputs in this order: x, u, p, then t.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct swb_point {

@@ -26,7 +26,7 @@ impl Object for swb_integrator {
     const NAME: &'static str = "swb_integrator";
 }
 
-/// What a step did.
+/// Results of a step.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_progress_kind {
@@ -462,7 +462,7 @@ pub unsafe extern "C" fn swb_integrator_get_derivative(
     guard(|| unsafe { handle::with_ref(integrator, |o| raw::write_slice(f, nx, o.derivative(), "f")) })
 }
 
-/// Which modes of a subsystem are active: one alone, or several in a sliding mode; none before the first step.
+/// Active modes of a subsystem: one alone, or several in a sliding mode; none before the first step.
 ///
 /// @param[in]  subsystem counted among those with more than one mode
 /// @param[out] active    [n] 0 or 1 for each mode of the subsystem

@@ -34,7 +34,7 @@ impl Object for swb_mpcc {
     const NAME: &'static str = "swb_mpcc";
 }
 
-/// What a member of a complementarity pair is.
+/// Kinds of members of complementarity pairs.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_member {
@@ -726,7 +726,7 @@ pub unsafe extern "C" fn swb_mpcc_get_outcome(mpcc: *const swb_mpcc, outcome: *m
     })
 }
 
-/// Was the active set identified and the smooth program that remains solved?
+/// Outcome of the polish, which identifies the active set and solves the smooth program that remains.
 ///
 /// @param[out] polished an enum swb_polished
 /// @return SWB_OK; SWB_ERR_STATE before the first solve
@@ -845,7 +845,7 @@ pub unsafe extern "C" fn swb_mpcc_get_residuals(
     })
 }
 
-/// What the last solve cost.
+/// Work and time of the last solve.
 ///
 /// @param[out] stats       every field is written
 /// @param[in]  struct_size sizeof(swb_stats)

@@ -49,7 +49,7 @@ impl Phases {
     }
 }
 
-/// What a solve of several phases found; what the phases do is asked of them, see swb_multiphase_get_phase.
+/// Result of a solve of several phases; the phases are asked for theirs, see swb_multiphase_get_phase.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct swb_multiphase_info {
@@ -182,7 +182,7 @@ pub unsafe extern "C" fn swb_multiphase_solve(m: *mut swb_multiphase, outcome: *
     })
 }
 
-/// What the last solve found.
+/// Result of the last solve.
 ///
 /// @param[out] info        every field is written
 /// @param[in]  struct_size sizeof(swb_multiphase_info)

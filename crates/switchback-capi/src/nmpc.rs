@@ -22,7 +22,7 @@ impl Object for swb_nmpc {
     const NAME: &'static str = "swb_nmpc";
 }
 
-/// What happens between two samples.
+/// Work done between two samples.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_nmpc_scheme {
@@ -36,7 +36,7 @@ pub enum swb_nmpc_scheme {
     Asc = 3,
 }
 
-/// What an iteration evaluates.
+/// Levels of an iteration by what it evaluates.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_nmpc_level {
@@ -62,7 +62,7 @@ pub enum swb_nmpc_qp {
     Condensing = 0,
 }
 
-/// Where a control comes from.
+/// Sources of a control.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_nmpc_source {
@@ -105,9 +105,9 @@ pub struct Controller {
 pub struct swb_nmpc_options {
     /// Size of this struct in bytes.
     pub struct_size: u64,
-    /// What happens between two samples, an enum swb_nmpc_scheme.
+    /// Work done between two samples, an enum swb_nmpc_scheme.
     pub scheme: i64,
-    /// What an iteration evaluates, an enum swb_nmpc_level: that of SWB_NMPC_SCHEME_MLI, and of the inner iterations of
+    /// Level of an iteration by what it evaluates, an enum swb_nmpc_level: that of SWB_NMPC_SCHEME_MLI, and of the inner iterations of
     /// SWB_NMPC_SCHEME_AS_RTI; levels D also say where Hessians come from.
     pub level: i64,
     /// Inner iterations of advanced steps per sample, at most 10000.
@@ -216,7 +216,7 @@ impl swb_nmpc_options {
     }
 }
 
-/// What a preparation or a feedback did.
+/// Result of a preparation or a feedback.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct swb_nmpc_info {
@@ -266,7 +266,7 @@ impl swb_nmpc_info {
     }
 }
 
-/// What a controller knows of its own work since it was made or reset. Evaluations are counted for the whole horizon at once,
+/// Counts and times of a controller's own work since it was made or reset. Evaluations are counted for the whole horizon at once,
 /// those of dynamics at every point of a Runge-Kutta step.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -331,7 +331,7 @@ pub struct swb_nmpc_monitor {
     pub from_hold: i64,
     /// Systems that switch: alternatives to the plan that were prepared.
     pub alternatives: i64,
-    /// Those that were taken.
+    /// Flips that were taken.
     pub flips: i64,
 }
 

@@ -29,7 +29,7 @@ impl Object for swb_ocp {
     const NAME: &'static str = "swb_ocp";
 }
 
-/// Where a path constraint holds.
+/// Places at which a path constraint holds.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_path_at {
@@ -526,7 +526,7 @@ pub unsafe extern "C" fn swb_ocp_get_outcome(ocp: *const swb_ocp, outcome: *mut 
     guard(|| unsafe { handle::with_ref(ocp, |o| raw::write(outcome, outcome_number(o.result()?.outcome), "outcome")) })
 }
 
-/// Was the active set identified and the problem solved with it?
+/// Outcome of the polish, which identifies the active set and solves the problem with it.
 ///
 /// @param[out] polished an enum swb_polished
 /// @return SWB_OK; SWB_ERR_STATE before the first solve
@@ -547,7 +547,7 @@ pub unsafe extern "C" fn swb_ocp_get_cost(ocp: *const swb_ocp, cost: *mut f64) -
     guard(|| unsafe { handle::with_ref(ocp, |o| raw::write(cost, o.result()?.cost, "cost")) })
 }
 
-/// What the point costs at which the last solve ended, however it ended. Unless the outcome is SWB_OUTCOME_SOLVED the point
+/// Cost of the point at which the last solve ended, however it ended. Unless the outcome is SWB_OUTCOME_SOLVED the point
 /// need not satisfy dynamics and constraints, and its cost may lie on either side of that of a solution. NaN where the
 /// solve was stopped before it was known.
 ///
@@ -625,7 +625,7 @@ pub unsafe extern "C" fn swb_ocp_get_residuals(
     })
 }
 
-/// What the last solve cost.
+/// Work and time of the last solve.
 ///
 /// @param[out] stats       every field is written
 /// @param[in]  struct_size sizeof(swb_stats)

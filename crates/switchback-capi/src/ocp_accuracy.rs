@@ -119,7 +119,7 @@ pub unsafe extern "C" fn swb_ocp_get_accuracy(
     })
 }
 
-/// What is known of the last solution as a point of the discretised program: type of stationarity, B-stationarity; unknown
+/// Knowledge of the last solution as a point of the discretised program: type of stationarity, B-stationarity; unknown
 /// unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
 ///
 /// @param[out] certificate every field is written

@@ -8,7 +8,7 @@ use super::status::swb_status;
 use switchback::error::{Error, Result};
 use switchback::ocp::{Multipliers, MultipliersOf};
 
-/// What multipliers belong to. Those of constraints and bounds are positive where an upper bound is active and negative where a
+/// Owners of multipliers. Those of constraints and bounds are positive where an upper bound is active and negative where a
 /// lower one is: raising that bound by d changes the optimal cost by -d times the multiplier, to first order.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

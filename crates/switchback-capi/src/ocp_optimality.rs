@@ -11,8 +11,8 @@ use std::ptr;
 use switchback::error::{Error, Result};
 use switchback::ocp::{Kink, OcpResult, Optimality, Verdict};
 
-/// What an optimal control is as a point of the control problem: is the cost stationary under changes of controls, free
-/// lengths, free parameters and free initial states, when every change is simulated by events?
+/// Verdicts on an optimal control as a point of the control problem: whether the cost is stationary under changes of controls, free
+/// lengths, free parameters and free initial states, when every change is simulated by events.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_verdict {
@@ -20,7 +20,7 @@ pub enum swb_verdict {
     Unknown = 0,
     /// No change lowers the cost to first order, or a descent on simulations gains nothing.
     LocalOptimum = 1,
-    /// The same at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises
+    /// Local optimum at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises
     /// towards either side.
     Kink = 2,
     /// Some change lowers the cost to first order.
@@ -74,7 +74,7 @@ pub struct swb_kink {
     /// Derivative of the cost towards a switch in the stage before, relative as the residual of swb_optimality: negative
     /// where that lowers the cost, NaN where there is no such switch.
     pub before: f64,
-    /// The same towards a switch in the stage behind.
+    /// Derivative towards a switch in the stage behind.
     pub after: f64,
     /// 1 where nothing switches, but a surface is touched and left to the side the state came from: `before` is then the
     /// derivative away from it, `after` that of a moment behind it; where the control turns the state back at the end of a stage,
@@ -103,7 +103,7 @@ fn optimality(r: &OcpResult) -> Result<&Optimality> {
     })
 }
 
-/// Is the last solution optimal for the control problem? Derivatives of event-driven simulations of its controls and the
+/// Verdict on the last solution as an optimum of the control problem. Derivatives of event-driven simulations of its controls and the
 /// multipliers of its constraints decide, independently of the discretisation.
 ///
 /// @param[out] optimality  every field is written

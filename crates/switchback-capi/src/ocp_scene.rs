@@ -183,7 +183,7 @@ pub unsafe extern "C" fn swb_ocp_contact_forces(
     })
 }
 
-/// What stood for the contacts in numerical time when the search was by time-freezing: the strength a_n of the push or the stiffness k of
+/// Report on the contacts in numerical time when the search was by time-freezing: the strength a_n of the push or the stiffness k of
 /// every contact, the recommended one, how long a jump takes, warnings.
 ///
 /// @param[out] buf    [len] the text with its final NUL, empty for other searches; NULL with len 0 to ask for the length

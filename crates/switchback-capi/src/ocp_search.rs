@@ -187,7 +187,7 @@ pub unsafe extern "C" fn swb_ocp_solve_starts(
     })
 }
 
-/// What the starts of the last swb_ocp_solve_starts found.
+/// Results of the starts of the last swb_ocp_solve_starts.
 ///
 /// @param[in]  start    from 0
 /// @param[out] outcome  an enum swb_outcome; may be NULL

@@ -12,7 +12,7 @@ use switchback::fesd::PathAt;
 use switchback::memory::sizes;
 use switchback::ocp::{CostAt, Durations, Norm};
 
-/// What the optimiser may choose of the lengths of the control stages.
+/// Freedom of the optimiser in the lengths of the control stages.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_free_time {
@@ -24,7 +24,7 @@ pub enum swb_free_time {
     Stages = 2,
 }
 
-/// Where a least-squares term counts.
+/// Places at which a least-squares term counts.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_cost_at {

@@ -36,7 +36,7 @@ pub enum swb_outcome {
     Diverging = 6,
     /// There is no usable point; the call returned an error that says why.
     Failed = 7,
-    /// Of an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are
+    /// Only for an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are
     /// another motion.
     NotFollowed = 8,
     /// Converged to a point that minimises the violation of the constraints locally; whether there is a point elsewhere is not known.
@@ -67,7 +67,7 @@ pub extern "C" fn swb_outcome_name(outcome: i32) -> *const c_char {
     query(ptr::null(), || OUTCOMES.iter().find(|row| row.1 as i32 == outcome).map_or(ptr::null(), |row| row.2.as_ptr()))
 }
 
-/// Was the active set identified and the smooth problem that remains solved?
+/// Outcomes of the polish, which identifies the active set and solves the smooth problem that remains.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_polished {
@@ -119,7 +119,7 @@ impl swb_residuals {
     }
 }
 
-/// What a solve cost, or all steps of a simulation.
+/// Work and time of a solve, or of all steps of a simulation.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct swb_stats {

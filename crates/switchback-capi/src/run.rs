@@ -63,7 +63,7 @@ pub extern "C" fn swb_run_outcome_name(outcome: i32) -> *const c_char {
     query(ptr::null(), || OUTCOMES.iter().find(|row| row.1 as i32 == outcome).map_or(ptr::null(), |row| row.2.as_ptr()))
 }
 
-/// What happens at a switch of an event-driven simulation.
+/// Kinds of switches of an event-driven simulation.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_event_kind {
@@ -236,7 +236,7 @@ pub struct swb_branch_point {
     pub t: f64,
     /// Continuations that differ in their velocity.
     pub n_continuations: i64,
-    /// The one that was taken, from 0; -1 where the run stopped.
+    /// The continuation that was taken, from 0; -1 where the run stopped.
     pub taken: i64,
 }
 unsafe impl Sized8 for swb_branch_point {}
@@ -264,13 +264,13 @@ unsafe impl Sized8 for swb_contact {}
 pub struct swb_accumulation {
     /// Size of this struct in bytes.
     pub struct_size: u64,
-    /// Where they accumulate, by the geometric series of the last intervals.
+    /// Time at which they accumulate, by the geometric series of the last intervals.
     pub t: f64,
-    /// Where ordinary integration begins again.
+    /// Time at which ordinary integration begins again.
     pub until: f64,
     /// Steps of the policy time_stepping, 0 with the others.
     pub steps: i64,
-    /// What these steps added to the error of the state, relative to the tolerance.
+    /// Error that these steps added to the state, relative to the tolerance.
     pub error: f64,
 }
 unsafe impl Sized8 for swb_accumulation {}
@@ -489,7 +489,7 @@ pub unsafe extern "C" fn swb_run_modes(run: *const swb_run, n_modes: *mut i64, n
     guard(|| unsafe { handle::with_ref(run, |r| raw::write_slice(n_modes, n, &r.n_modes, "n_modes")) })
 }
 
-/// Which modes of its subsystem are active before and after a switch.
+/// Active modes of its subsystem before and after a switch.
 ///
 /// @param[in]  index  the switch, from 0
 /// @param[out] before [n] 0 or 1 for each mode of the subsystem

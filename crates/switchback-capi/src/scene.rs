@@ -74,7 +74,7 @@ impl Object for swb_scene {
     const NAME: &'static str = "swb_scene";
 }
 
-/// What happens where several contacts close at once.
+/// Laws for several contacts that close at once.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_impact_law {
@@ -84,7 +84,7 @@ pub enum swb_impact_law {
     Sequential = 1,
 }
 
-/// What brought an impact about.
+/// Causes of impacts.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_impact_kind {
@@ -399,7 +399,7 @@ pub unsafe extern "C" fn swb_scene_free(scene: *mut swb_scene) {
     unsafe { handle::free(scene) }
 }
 
-/// What one contact contributes to an impact.
+/// The part of one contact in an impact.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct swb_impact {

@@ -345,7 +345,7 @@ pub unsafe extern "C" fn swb_option_default(index: i64, value: *mut f64) -> swb_
     guard(|| unsafe { raw::write(value, info(index)?.default, "value") })
 }
 
-/// Is an option fixed once an object is built with it?
+/// Tells whether an option is fixed once an object is built with it.
 ///
 /// @param[out] setup_only 1 if it is fixed, 0 if it may change between solves
 /// @return SWB_OK; SWB_ERR_DIMENSION if there is no such index

@@ -358,7 +358,7 @@ pub unsafe extern "C" fn swb_simulator_get_residuals(
     })
 }
 
-/// What the steps of the trajectory cost.
+/// Work and time of the steps of the trajectory.
 ///
 /// @param[out] stats       every field is written
 /// @param[in]  struct_size sizeof(swb_stats)

@@ -38,7 +38,7 @@ pub struct swb_step_options {
     pub struct_size: u64,
     /// Length of a step.
     pub h: f64,
-    /// Where in a step functions are evaluated: 1/2 in its middle, 1 at its start.
+    /// Place in a step at which functions are evaluated: 1/2 in its middle, 1 at its start.
     pub theta: f64,
     /// Impulses of a step are found to this share of them, measured by energy.
     pub tolerance: f64,
@@ -111,7 +111,7 @@ impl swb_step_options {
     }
 }
 
-/// What the steps since the state was set cost and how they went.
+/// Counts of the steps since the state was set, and how they went.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct swb_step_stats {
@@ -399,7 +399,7 @@ pub unsafe extern "C" fn swb_stepper_get_impulses(
     })
 }
 
-/// What the steps since the state was set cost and how they went.
+/// Counts of the steps since the state was set, and how they went.
 ///
 /// @param[out] stats
 /// @param[in]  struct_size sizeof(swb_step_stats)

@@ -43,7 +43,7 @@ pub struct swb_trajectory_info {
 }
 unsafe impl Sized8 for swb_trajectory_info {}
 
-/// What happens at a switch.
+/// Kinds of switches.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_switch_kind {
@@ -210,7 +210,7 @@ pub unsafe extern "C" fn swb_trajectory_modes(
     })
 }
 
-/// Which modes are active in the elements: one alone, or several in a sliding mode.
+/// Active modes in the elements: one alone, or several in a sliding mode.
 ///
 /// @param[out] active [n] n_elements * n_modes, 0 or 1, the modes of one element together
 /// @return SWB_OK; SWB_ERR_DIMENSION if n is another number

@@ -35,7 +35,7 @@ pub extern "C" fn swb_abi_version() -> i32 {
     }
 }
 
-/// Does this library serve a program compiled with the header of the given version?
+/// Compares this library with the header of the given version that a program was compiled with.
 ///
 /// Call as swb_check_version(SWB_VERSION_MAJOR, SWB_VERSION_MINOR). Before 1.0 both numbers must be
 /// equal; from then on the major ones, and the library must not be older.
