@@ -29,7 +29,7 @@ class Modes:
 
 @dataclass(frozen=True)
 class Start:
-    """What one start found; `error` is why it could not be solved."""
+    """Result of one start; `error` is why it could not be solved."""
 
     outcome: Outcome | None
     polished: Polished | None
@@ -40,7 +40,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Starts:
-    """What several starts found; the problem has the result of the one that is `best`."""
+    """Results of several starts; the problem has the result of the one that is `best`."""
 
     best: int
     starts: list[Start]

@@ -192,7 +192,7 @@ class OcpTerms(Solver):
 
     @property
     def certificate(self) -> Certificate:
-        """What is known of the last solution as a point of the discretised program; unknown unless it was polished."""
+        """Knowledge of the last solution as a point of the discretised program; unknown unless it was polished."""
         return Certificate._of(self._struct("get_certificate", swb_certificate))
 
     def _vector(self, name: str, n: int) -> Any:

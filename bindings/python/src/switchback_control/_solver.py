@@ -99,5 +99,5 @@ class Solver(Handle, HasSettings):
 
     @property
     def stats(self) -> Stats:
-        """What the last solve cost."""
+        """Work and time of the last solve."""
         return Stats._of(self._struct("get_stats", _ffi.swb_stats))

@@ -49,7 +49,7 @@ def tracing(on: bool) -> Iterator[None]:
 
 
 def is_on() -> bool:
-    """Are callables traced?"""
+    """True while callables are traced."""
     return _switch.on
 
 

@@ -45,7 +45,7 @@ _BLOCKS = ("x", "u", "p", "t")
 
 
 def is_function(f: Any) -> bool:
-    """Is it a function of CasADi? Answers without importing CasADi."""
+    """True for a function of CasADi. Answers without importing CasADi."""
     return type(f).__name__ == "Function" and type(f).__module__.split(".")[0] == "casadi"
 
 

@@ -209,17 +209,17 @@ class Expr:
         return self._graph._expr(self._ids.T, self._condition)
 
     def reshape(self, *shape: Any) -> Expr:
-        """The same expressions in another shape."""
+        """Expressions in another shape."""
         return self._graph._expr(self._ids.reshape(*shape), self._condition)
 
     def ravel(self) -> Expr:
-        """The same expressions in one row."""
+        """Expressions in one row."""
         return self.reshape(-1)
 
     flatten = ravel
 
     def copy(self) -> Expr:
-        """The same expressions: they never change."""
+        """The array itself: its expressions never change."""
         return self
 
     def dot(self, other: Any) -> Expr:
@@ -1014,7 +1014,7 @@ class Model(Named):
         return Counts(*(n.value for n in numbers))
 
     def report(self) -> str:
-        """What the model consists of and costs, what was dropped and why, what looks wrong."""
+        """Parts of the model, their costs, what was dropped and why, and what looks wrong."""
         return text(lib.swb_model_report, self._build(), 0)
 
     def report_data(self) -> dict[str, Any]:

@@ -26,7 +26,7 @@ Pattern = Any  # (rows, columns), or a matrix whose entries count if they are no
 
 @dataclass(frozen=True)
 class DerivativeCheck:
-    """What a comparison of derivatives with finite differences found; true if nothing disagrees."""
+    """Result of a comparison of derivatives with finite differences; true if nothing disagrees."""
 
     passed: bool
     max_error: float

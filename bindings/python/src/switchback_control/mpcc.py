@@ -75,7 +75,7 @@ class Conflict(NamedTuple):
 
 @dataclass(frozen=True)
 class Certificate:
-    """What is known of a point: the strongest type of stationarity ("S", "M", "C", "A", "W", "none", "unknown") for
+    """Knowledge of a point: the strongest type of stationarity ("S", "M", "C", "A", "W", "none", "unknown") for
     which multipliers are known, `sharp` if there are none of a stronger type; `b_stationary` None if undecided, and
     `doubt` what that failed at. Without pairs "S" is a point of Karush, Kuhn and Tucker. `biactive` pairs have both members zero; `strict` if none of their multipliers is."""
 
@@ -123,7 +123,7 @@ class Multipliers(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class MpccResult(HasOutcome):
-    """What a solve found. Multipliers: grad f + J' y - z = 0; those of a pair (G, H) are nu and xi."""
+    """Result of a solve. Multipliers: grad f + J' y - z = 0; those of a pair (G, H) are nu and xi."""
 
     outcome: Outcome
     polished: Polished
@@ -174,7 +174,7 @@ class MpccResult(HasOutcome):
 
     @property
     def b_stationary(self) -> bool | None:
-        """Is there no descent to first order? None if that is not decided."""
+        """True where there is no descent to first order. None if that is not decided."""
         return self.certificate.b_stationary
 
     def worst(self, k: int = 5) -> tuple[ProgramItem, ...]:
@@ -183,7 +183,7 @@ class MpccResult(HasOutcome):
 
     @property
     def warnings(self) -> list[str]:
-        """What looks wrong about the program: gradients that are zero, dependent or badly scaled."""
+        """Doubts about the program: gradients that are zero, dependent or badly scaled."""
         return json.loads(self._json)["warnings"]
 
     def to_json(self) -> str:
@@ -457,7 +457,7 @@ class Mpcc(Solver):
 
     @property
     def result(self) -> MpccResult:
-        """What the last solve found."""
+        """Result of the last solve."""
         n, m, k = self.n, self.m, self.n_pairs
         x, z, c, y = numpy.empty(n), numpy.empty(n), numpy.empty(m), numpy.empty(m)
         g, h, nu, xi = (numpy.empty(k) for _ in range(4))

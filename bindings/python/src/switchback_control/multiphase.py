@@ -21,7 +21,7 @@ __all__ = ["MultiPhase", "MultiPhaseResult"]
 
 @dataclass(frozen=True)
 class MultiPhaseResult(HasOutcome):
-    """What a solve of several phases found; outcome, residuals and statistics of the phases are those of all."""
+    """Result of a solve of several phases; outcome, residuals and statistics of the phases are those of all."""
 
     outcome: Outcome
     polished: Polished
@@ -121,7 +121,7 @@ class MultiPhase(Handle):
 
     @property
     def result(self) -> MultiPhaseResult:
-        """What the last solve found."""
+        """Result of the last solve."""
         if self._result is None:
             raise StateError("there is no result: call solve first")
         return self._result

@@ -28,7 +28,7 @@ _LEVELS = {"d": "d0"}
 
 @dataclass(frozen=True)
 class Preparation:
-    """What a preparation did.
+    """Result of a preparation.
 
     ready  there is a quadratic program for the next sample
     inner  inner iterations
@@ -42,7 +42,7 @@ class Preparation:
 
 @dataclass(frozen=True)
 class Feedback:
-    """What a feedback is.
+    """Result of a feedback: the source of the control, and how its quadratic program ended.
 
     source      where the control comes from: QP, SOFT_QP, TANGENT, PLAN or HOLD, the best that was there in time
     status      how the quadratic program ended
@@ -66,7 +66,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Monitor:
-    """What a controller knows of its own work since it was made or reset; evaluations are counted for the whole horizon at once.
+    """Counts and times of a controller's own work since it was made or reset; evaluations are counted for the whole horizon at once.
 
     kappa, omega   estimates of (10.18) from the inner steps: they contract where kappa is below 1; NaN without enough of them
     step           the last inner step, relative to the size of states and controls
@@ -279,7 +279,7 @@ class Nmpc(Handle):
 
 @dataclass(frozen=True, repr=False)
 class ClosedLoop(Recorded):
-    """What happened in a closed loop. It can be copied, pickled, and written by `save` (see `switchback_control.load`).
+    """Record of a closed loop. It can be copied, pickled, and written by `save` (see `switchback_control.load`).
 
     t         [steps + 1] times of the samples
     x         [steps + 1, nx] states of the plant at them

@@ -85,7 +85,7 @@ class Optimality:
 
 @dataclass(frozen=True, repr=False)
 class OcpResult(Hints, OverElements, HasOutcome):
-    """What a solve found; `controls` has a row for each control stage, which last from `control_times` on. `result["q"]` are the
+    """Result of a solve; `controls` has a row for each control stage, which last from `control_times` on. `result["q"]` are the
     values of a state or a control, by its name, at the boundaries of the finite elements. It can be copied, pickled, and written by
     `save` (see `switchback_control.load`)."""
 
@@ -495,7 +495,7 @@ class Ocp(Hints, OcpTerms, OcpSearch):
 
     @property
     def result(self) -> OcpResult:
-        """What the last solve found."""
+        """Result of the last solve."""
         u = numpy.empty((self.n_stages, self.nu))
         self._do("get_controls", address(u), u.size)
         durations = self._vector("get_durations", self.n_stages)

@@ -46,7 +46,7 @@ class EndState:
 
 @dataclass
 class SystemInfo:
-    """What a result that was copied or loaded knows of its system: sizes and names."""
+    """Facts of its system that a result knows that was copied or loaded: sizes and names."""
 
     nx: int
     nu: int
@@ -82,7 +82,7 @@ class SystemInfo:
 
 @dataclass
 class SceneInfo:
-    """What is known of the scene of a result that was copied or loaded."""
+    """Facts of the scene of a result that was copied or loaded."""
 
     n_q: int
     contacts: tuple[Any, ...] = ()
@@ -95,7 +95,7 @@ def labels(names: Iterable[str], letter: str, n: int) -> list[str]:
 
 
 def facts_html(title: str, facts: Mapping[str, Any]) -> str:
-    """What is known of an object as a table for notebooks."""
+    """Facts of an object as a table for notebooks."""
     rows = "".join(
         f"<tr><th style='text-align:left'>{html.escape(str(k))}</th><td style='text-align:left'>{html.escape(_short(v))}</td></tr>"
         for k, v in facts.items()

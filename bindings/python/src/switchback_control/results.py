@@ -31,7 +31,7 @@ class Residuals(_FromStruct):
 
 @dataclass(frozen=True)
 class Stats(_FromStruct):
-    """What a solve cost, or all steps of a simulation; times in seconds."""
+    """Work and time of a solve, or of all steps of a simulation; times in seconds."""
 
     iterations: int
     factorisations: int
@@ -135,13 +135,13 @@ OnLog = Callable[[str, str], Any]
 
 
 class HasOutcome:
-    """What all results have in common."""
+    """Common part of all results."""
 
     outcome: Outcome
 
     @property
     def success(self) -> bool:
-        """Solved?"""
+        """True where the problem was solved."""
         return self.outcome == Outcome.SOLVED
 
     @property

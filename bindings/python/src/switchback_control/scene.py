@@ -30,7 +30,7 @@ __all__ = ["ContactMode", "Impact", "ImpactKind", "ImpactLaw", "Projected", "Sce
 
 @dataclass(frozen=True)
 class Impact:
-    """What one contact contributes to an impact.
+    """The part of one contact in an impact.
 
     t                  time
     contact            number of the contact
@@ -271,7 +271,7 @@ class Scene(_ContactSystem):
         return int(found[0])
 
     def impact_law(self, law: str | ImpactLaw) -> None:
-        """What happens where several contacts close at once: "newton" (all in one problem) or "sequential" (one after the
+        """Law for several contacts that close at once: "newton" (all in one problem) or "sequential" (one after the
         other, the fastest first)."""
         self._made._do("set_impact_law", int(choice(ImpactLaw, law, "law")))
         self._current = False

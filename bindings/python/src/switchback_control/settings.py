@@ -197,7 +197,7 @@ def _unpickle(values: dict[str, Value]) -> Settings:
 
 
 class HasSettings:
-    """What objects with options of their own have in common."""
+    """Common part of objects with options of their own."""
 
     _kind: ClassVar[str]
 

@@ -127,7 +127,7 @@ class Simulator(Solver):
 
 @dataclass(frozen=True, repr=False)
 class SimulationResult(OverElements, HasOutcome):
-    """What a simulation found; `controls` has a row for each step, which last from `control_times` on. `result["q"]` are the
+    """Result of a simulation; `controls` has a row for each step, which last from `control_times` on. `result["q"]` are the
     values of a state or a control, by its name, at the boundaries of the finite elements. It can be copied, pickled, and written by
     `save` (see `switchback_control.load`)."""
 

@@ -25,7 +25,7 @@ __all__ = ["StepStats", "Stepper", "Steps", "simulate_steps"]
 
 @dataclass(frozen=True)
 class StepStats:
-    """What the steps since the state was set cost and how they went.
+    """Counts of the steps since the state was set, and how they went.
 
     steps          steps
     gaps, bounds   gaps evaluated, and bounds of gaps over boxes, which say how long a contact needs not be looked at
@@ -198,7 +198,7 @@ class Stepper(Handle):
 
     @property
     def stats(self) -> StepStats:
-        """What the steps since the state was set cost and how they went."""
+        """Counts of the steps since the state was set, and how they went."""
         s = _ffi.swb_step_stats()
         self._do("get_stats", ctypes.byref(s), ctypes.sizeof(s))
         return StepStats(*(getattr(s, name) for name in StepStats.__dataclass_fields__))
