@@ -66,6 +66,12 @@ def test_discrete_states_may_be_left_out():
     run = swb.simulate(m, {"T": 15.0}, 10.0)
     assert np.array_equal(run.x_end, swb.simulate(m, [15.0, 1.0], 10.0).x_end)
     assert m.heater == on and run["heater"][0] == 1.0
+    # no mode switches, and the transitions are what there is to see
+    assert run.switches == [] and f"0 switches, {len(run.jumps)} transitions>" in repr(run)
+    rows = run.table().splitlines()[1:]
+    assert [float(row.split()[0]) for row in rows] == pytest.approx([j.t for j in run.jumps], rel=1e-14)
+    assert [row.split("  ")[-1] for row in rows[:2]] == ["heater: 1 -> 0", "heater: 0 -> 1"]
+    assert pickle.loads(pickle.dumps(run)).table() == run.table()
 
 
 # --- columns, copies, files ---------------------------------------------------------------------------
@@ -96,6 +102,10 @@ def test_copies_of_scenes_keep_contacts():
     assert np.array_equal(other.mode(floor, t), run.mode("floor", t))
     assert np.allclose(other.force("floor", t), run.force(floor, t), atol=1e-10)
     assert other.impacts == run.impacts and other.accumulations == run.accumulations
+    rows = other.table().splitlines()[1:]
+    times = [float(row.split()[0]) for row in rows]
+    assert len(rows) == len(run.impacts) + len(run.switches) and times == sorted(times)
+    assert "impact              0  floor: rate -4.42945 -> 3.54356" in rows[0] and f"{len(run.impacts)} impacts>" in repr(run)
 
 
 @pytest.mark.parametrize("end", ["npz", "json"])

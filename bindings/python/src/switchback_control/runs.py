@@ -467,17 +467,22 @@ class Run(Hints, Recorded, Handle):
         return SavedRun._of(self).__reduce__()
 
     def table(self) -> str:
-        """The switches as text."""
-        lines = [f"{'t':>22}  {'kind':<11} {'subsystem':>9}  modes"]
+        """Switches, transitions and impacts as text, in the order of time: kind, number of the subsystem, transition or contact,
+        and what changed."""
         words = self.mode_names
-        for s in self.switches:
-            notes = [w for w, on in (("simultaneous", s.simultaneous), ("not unique", not s.unique)) if on]
-            change = f"{_set(s.before)} -> {_set(s.after)}" + (f"  ({', '.join(notes)})" if notes else "")
-            own = words[s.subsystem]
-            if own[0] != "0":
-                change += "  " + " -> ".join(_words(own, modes) for modes in (s.before, s.after))
-            lines.append(f"{s.t:22.15g}  {s.kind.name.lower():<11} {s.subsystem:>9}  {change}")
+        rows = [(s.t, s.kind.name.lower(), s.subsystem, _change(s, words[s.subsystem])) for s in self.switches]
+        rows += [(j.t, "transition", j.transition, self._reset(j)) for j in self.jumps]
+        rows += [(i.t, "impact", i.contact, f"{i.name}: rate {i.rate_before:g} -> {i.rate_after:g}") for i in self.impacts]
+        lines = [f"{'t':>22}  {'kind':<11} {'number':>9}  change"]
+        # the sort is stable: rows of one time stay in their order
+        lines += [f"{t:22.15g}  {kind:<11} {number:>9}  {change}" for t, kind, number, change in sorted(rows, key=lambda row: row[0])]
         return "\n".join(lines)
+
+    def _reset(self, j: Jump) -> str:
+        """The states that a transition changed, in words."""
+        names = labels(self.system._names[0], "x", self.nx)
+        changed = [f"{n}: {a:g} -> {b:g}" for n, a, b in zip(names, j.before, j.after) if a != b]
+        return ", ".join(changed) or "no state"
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
         """See `switchback_control.plot_run`."""
@@ -507,7 +512,17 @@ class Run(Hints, Recorded, Handle):
         if self.closed:
             return "<Run, closed>"
         n = len(self.switches)
-        return f"<Run from {self.t_start:g} to {self.t_end:g}, {self.outcome}, {n} switch{'' if n == 1 else 'es'}>"
+        counts = [f"{n} switch{'' if n == 1 else 'es'}"]
+        others = (("transition", len(self.jumps)), ("impact", len(self.impacts)))
+        counts += [f"{k} {word}{'' if k == 1 else 's'}" for word, k in others if k]
+        return f"<Run from {self.t_start:g} to {self.t_end:g}, {self.outcome}, {', '.join(counts)}>"
+
+
+def _change(s: Event, names: Sequence[str]) -> str:
+    """Active modes before and after a switch, by their numbers and, where they have names, in words."""
+    notes = [w for w, on in (("simultaneous", s.simultaneous), ("not unique", not s.unique)) if on]
+    change = f"{_set(s.before)} -> {_set(s.after)}" + (f"  ({', '.join(notes)})" if notes else "")
+    return change if names[0] == "0" else change + "  " + " -> ".join(_words(names, modes) for modes in (s.before, s.after))
 
 
 def _words(names: Sequence[str], modes: Sequence[int]) -> str:
