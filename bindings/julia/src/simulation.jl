@@ -188,27 +188,51 @@ function active_modes(s::Solution, subsystem = 1)
     return [(a, b, m) for (a, b, m) in zip(starts, ends, modes) if b > a]
 end
 
-Base.show(io::IO, s::Solution) = isopen(s) ?
-    print(io, "Solution from ", s.t_start, " to ", s.t_end, ", ", s.outcome, ", ", length(s.switches), " switches") :
-    print(io, "Solution, closed")
+function Base.show(io::IO, s::Solution)
+    isopen(s) || return print(io, "Solution, closed")
+    print(io, "Solution from ", s.t_start, " to ", s.t_end, ", ", s.outcome, ", ", length(s.switches), " switches")
+    for (list, word) in ((s.jumps, " transitions"), (s.impacts, " impacts"))
+        isempty(list) || print(io, ", ", length(list), word)
+    end
+end
 
 set_text(modes) = string("{", join(modes, ", "), "}")
+
+"Switches, transitions and impacts in the order of time, to be shown: time, kind, whose, before, after, notes."
+function events_shown(s::Solution)
+    names = state_labels(s.system.names[1], s.system.nx)
+    rows = NamedTuple[]
+    for e in s.switches
+        notes = (e.simultaneous ? "  simultaneous" : "") * (e.unique ? "" : "  not unique")
+        push!(rows, (t = e.t, kind = e.kind, whose = "subsystem $(e.subsystem)", before = set_text(e.before), after = set_text(e.after), notes = notes))
+    end
+    for j in s.jumps
+        changed = findall(j.before .!= j.after)
+        states(x) = join((string(names[i], " = ", x[i]) for i in changed), ", ")
+        push!(rows, (t = j.t, kind = :transition, whose = "number $(j.transition)", before = states(j.before), after = states(j.after), notes = ""))
+    end
+    for i in s.impacts
+        push!(rows, (t = i.t, kind = :impact, whose = i.name, before = "rate $(i.rate_before)", after = "rate $(i.rate_after)", notes = ""))
+    end
+    return sort!(rows; by = row -> row.t, alg = MergeSort) # stable
+end
+
 function Base.show(io::IO, ::MIME"text/plain", s::Solution)
     show(io, s)
     isempty(s.reason) || print(io, "\n  ", s.reason)
     print(io, "\n  end: ", s.u[end])
-    for (k, e) in enumerate(s.switches)
-        k == 21 && (print(io, "\n  ... ", length(s.switches) - 20, " more"); break)
-        print(io, "\n  t = ", e.t, "  ", e.kind, "  subsystem ", e.subsystem, "  ", set_text(e.before), " -> ", set_text(e.after),
-              e.simultaneous ? "  simultaneous" : "", e.unique ? "" : "  not unique")
+    rows = events_shown(s)
+    for (k, e) in enumerate(rows)
+        k == 21 && (print(io, "\n  ... ", length(rows) - 20, " more"); break)
+        print(io, "\n  t = ", e.t, "  ", e.kind, "  ", e.whose, "  ", e.before, " -> ", e.after, e.notes)
     end
 end
 function Base.show(io::IO, ::MIME"text/html", s::Solution)
-    print(io, "<table><caption>", s.outcome, " at t = ", s.t_end, isempty(s.reason) ? "" : ": " * escaped(s.reason), "</caption><tr><th>t</th><th>kind</th><th>subsystem</th>",
+    print(io, "<table><caption>", s.outcome, " at t = ", s.t_end, isempty(s.reason) ? "" : ": " * escaped(s.reason), "</caption><tr><th>t</th><th>kind</th><th></th>",
           "<th>before</th><th>after</th></tr>")
-    for e in s.switches
-        print(io, "<tr><td>", e.t, "</td><td>", e.kind, "</td><td>", e.subsystem, "</td><td>", set_text(e.before),
-              "</td><td>", set_text(e.after), "</td></tr>")
+    for e in events_shown(s)
+        print(io, "<tr><td>", e.t, "</td><td>", e.kind, "</td><td>", escaped(e.whose), "</td><td>", escaped(e.before), "</td><td>",
+              escaped(e.after), "</td></tr>")
     end
     print(io, "</table>")
 end

@@ -24,6 +24,7 @@ end
     m, gear, driver = gear_box()
     sol = simulate(m, x0, T; p = p, reltol = 1e-12, abstol = 1e-12, sensitivity = true)
     @test successful(sol) && !sol.one_sided && length(sol.jumps) == length(r["switches"])
+    @test occursin(", $(length(sol.jumps)) transitions", string(sol)) && count("  transition  ", sprint(show, MIME("text/plain"), sol)) == min(20, length(sol.jumps))
     @test [j.t for j in sol.jumps] ≈ scene_numbers(r["switches"]) rtol = 1e-11
     @test sol.u[end][1:3] ≈ scene_numbers(r["x_T"]) rtol = 1e-11
     @test sol.dx_dp[1:3, :] ≈ matrix(scene_numbers.(r["dxT_dp"])) rtol = 1e-9
