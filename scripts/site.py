@@ -71,6 +71,7 @@ NAVIGATION = """
       - Platforms: platforms.md
       - Python: python.md
       - Reference of Python: api_python/index.md
+      - C: c.md
       - Reference of C: api_c/index.md
       - C++: cpp.md
       - Reference of C++: api_cpp/annotated.md

@@ -17,6 +17,7 @@ PLACES = {
     "bindings/python/pyproject.toml": [r'^version = "@"$'],
     "bindings/python/src/switchback_control/__init__.py": [r'^__version__ = "@"$'],
     "capi_tests/CMakeLists.txt": [r"find_package\(switchback @MINOR@ "],
+    "docs/c.md": [r"find_package\(switchback @MINOR@ "],
     "docs/cpp.md": [r"find_package\(switchback @MINOR@ "],
     "docs/limits.md": [r"The version is @MINOR@:"],
     "examples/c/CMakeLists.txt": [r"find_package\(switchback @MINOR@ "],

@@ -83,7 +83,8 @@ def test_limits_of_contacts():
     refused(lambda: f.freeze(step=0.1, speed=4.0), swb.SwitchbackError)
 
 
-def test_the_program_in_cpp_is_the_one_that_is_compiled():
-    page = (DOCS / "cpp.md").read_text(encoding="utf-8")
-    program = (DOCS.parent / "capi_tests" / "test_cpp_page.cpp").read_text(encoding="utf-8")
-    assert f"```cpp\n{program}```" in page
+@pytest.mark.parametrize("language", ["c", "cpp"])
+def test_the_program_in_a_page_is_the_one_that_is_compiled(language):
+    page = (DOCS / f"{language}.md").read_text(encoding="utf-8")
+    program = (DOCS.parent / "capi_tests" / f"test_{language}_page.{language}").read_text(encoding="utf-8")
+    assert f"```{language}\n{program}```" in page
