@@ -100,6 +100,11 @@ pub mod tableau;
 pub use switchback_mpcc::{linalg, memory, nlp, stop};
 pub(crate) use switchback_mpcc::{parallel, random};
 
+// The programs of the page are run.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/rust.md")]
+pub mod page {}
+
 pub use dcs::Dcs;
 pub use error::{Error, Result};
 pub use event::{simulate, simulate_batch, Engine, Run};

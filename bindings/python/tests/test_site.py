@@ -78,7 +78,7 @@ def test_every_example_has_a_small_picture():
 
 
 def test_pages_that_teach_have_pictures():
-    pages = ("tutorial", "models", "simulation", "scenes", "freezing", "ocp", "nmpc", "mpcc", "model_classes", "fesd", "julia", "rust", "cpp", "limits", "expect")
+    pages = ("tutorial", "models", "simulation", "scenes", "freezing", "ocp", "nmpc", "mpcc", "model_classes", "fesd", "julia", "rust", "c", "cpp", "limits", "expect")
     named = [ROOT / "docs" / f"{p}.md" for p in pages] + [*(ROOT / "docs" / "howto").glob("*.md")]
     assert [p.name for p in named if "![" not in p.read_text(encoding="utf-8")] == []
 
