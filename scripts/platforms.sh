@@ -65,7 +65,9 @@ tests() { # PLATFORM SKIP
         elif timeout "$seconds" "run_$1.sh" "$out/$name" > "$out/$name.out" 2>&1; then
             passed=$((passed + 1))
         else
-            echo "$1: $name: ended with $?: $(head -n 1 "$out/$name.out")"
+            code=$?
+            # 124 is that of `timeout`
+            [ $code = 124 ] && echo "$1: $name: not done after $seconds s" || echo "$1: $name: ended with $code: $(head -n 1 "$out/$name.out")"
             failed=1
         fi
     done
@@ -147,8 +149,8 @@ exec $wine \"\$1.exe\""
         if [ -x "$build/venv/bin/python" ]; then
             (cd bindings/python && SWITCHBACK_LIBRARY="$target/x86_64-pc-windows-gnu/debug/switchback.dll" \
                 "$build/venv/bin/python" setup.py --quiet bdist_wheel --plat-name win_amd64 --dist-dir "$work/wheel" \
-                > "$work/wheel.log" 2>&1 && rm -rf build switchback.egg-info src/switchback.egg-info)
-            python3 -m zipfile -l "$work"/wheel/*win_amd64.whl | grep -q switchback/switchback.dll
+                > "$work/wheel.log" 2>&1 && rm -rf build switchback_control.egg-info src/switchback_control.egg-info)
+            python3 -m zipfile -l "$work"/wheel/*win_amd64.whl | grep -q switchback_control/switchback.dll
             echo "windows: $(ls "$work"/wheel); left out: running it: no Python for Windows here"
         else
             echo "left out: the wheel for Windows: make deps makes the environment of Python for it"
