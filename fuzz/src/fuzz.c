@@ -1,8 +1,9 @@
 /* Random calls of all functions of the library.
  *
- *   fuzz [--seed N] [--runs N | --seconds S] [--calls N] [--hang S]     many runs, each in a process of its own
+ *   fuzz [--seed N] [--runs N] [--seconds S] [--calls N] [--hang S]     many runs, each in a process of its own
  *   fuzz --replay SEED [--calls N] [--skip FIRST-LAST]... [--quiet]     one run in this process, every call printed
  *
+ * With --seconds they go on for that time, and then until every function has succeeded, but in this not beyond --runs.
  * A run makes a world of objects and does some hundred random calls; the seed decides everything but the moment at which
  * a call that takes long is interrupted. The exit code is 1 if anything is wrong, see README.md. */
 #include <errno.h>
@@ -126,6 +127,12 @@ static int watch(pid_t child, uint64_t seed)
     return status != 0;
 }
 
+/* A function without a status cannot fail. */
+static int never_succeeded(int function)
+{
+    return tally->succeeded[function] == 0 && functions[function].result != R_NOTHING;
+}
+
 static int report(int64_t runs, double seconds)
 {
     int never = 0, slowest = 0;
@@ -137,7 +144,7 @@ static int report(int64_t runs, double seconds)
     for (int i = 0; i < N_FUNCTIONS; i++) {
         if (tally->slowest[i] > tally->slowest[slowest])
             slowest = i;
-        if (tally->succeeded[i] || functions[i].result == R_NOTHING)
+        if (!never_succeeded(i))
             continue;
         never++;
         printf("  never succeeded: %s (%" PRIu64 " calls)\n", functions[i].name, tally->called[i]);
@@ -158,12 +165,24 @@ static int excused(void)
     return excuses;
 }
 
+static int goes_on(int64_t runs, double seconds)
+{
+    if (options.seconds > 0.0 && seconds < options.seconds)
+        return 1;
+    if (runs >= options.runs)
+        return 0;
+    int left = options.seconds <= 0.0;
+    for (int i = 0; i < N_FUNCTIONS; i++)
+        left |= never_succeeded(i);
+    return left;
+}
+
 static int many_runs(void)
 {
     double began = run_now();
     int failed = 0;
     int64_t runs = 0;
-    for (; options.seconds > 0.0 ? run_now() - began < options.seconds : runs < options.runs; runs++) {
+    for (; goes_on(runs, run_now() - began); runs++) {
         uint64_t seed = options.seed + (uint64_t)runs;
         fflush(NULL);
         pid_t child = fork();
@@ -184,7 +203,7 @@ static int many_runs(void)
 
 static void usage(void)
 {
-    fprintf(stderr, "usage: fuzz [--seed N] [--runs N | --seconds S] [--calls N] [--hang S]\n"
+    fprintf(stderr, "usage: fuzz [--seed N] [--runs N] [--seconds S] [--calls N] [--hang S]\n"
                     "       fuzz --replay SEED [--calls N] [--skip FIRST-LAST]... [--quiet]\n");
     exit(2);
 }
