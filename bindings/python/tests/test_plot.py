@@ -44,3 +44,15 @@ def test_refusals(result):
         with pytest.raises(swb.ArgumentError):
             call()
     plt.close("all")
+
+
+def test_modes_that_are_not_known_have_no_bands():
+    m = swb.Model(states="y v")
+    m.derivatives = [m.v, -9.81 - 0.1 * m.v * abs(m.v)]
+    landed = m.discrete("landed")
+    m.transition(m.y < 0, when={landed: 0}, to={landed: 1})
+    falls = swb.simulate(m, {"y": 10, "v": 0}, 1.0)
+    lands = swb.simulate(m, {"y": 10, "v": 0}, 100.0, on_step=lambda step: step.x[2] == 1)
+    assert falls.active() and not lands.active()
+    assert [ax.get_ylabel() for ax in falls.plot().axes] == ["states", "modes"]
+    assert [ax.get_ylabel() for ax in lands.plot().axes] == ["states"]

@@ -247,7 +247,9 @@ def plot_run(
         parts = [i for i in chosen if i < scene.n_q], [i for i in chosen if i >= scene.n_q]
         groups = [g for g in zip(("coordinates", "velocities"), parts) if g[1]]
     bands = _contact_bands(run, None) if scene is not None else None
-    n_modes = len(bands) if bands is not None else sum(run.n_modes)
+    # subsystems whose modes are known: of those that never switch they are not, where a transition may have changed them
+    shown = [k for k in range(len(run.n_modes)) if run.active(k)]
+    n_modes = len(bands) if bands is not None else sum(run.n_modes[k] for k in shown)
     control_times, controls = run.controls
     with_controls = [1.6] if controls.shape[1] and len(controls) > 1 else []
     heights = [3.2 if len(groups) == 1 else 2.4] * len(groups) + with_controls + ([0.5 + 0.22 * n_modes] if n_modes else [])
@@ -277,7 +279,7 @@ def plot_run(
     if bands is not None and n_modes:
         _draw_contact_bands(axes[-1, 0], run, bands)
     elif n_modes:
-        _bands(axes[-1, 0], run)
+        _bands(axes[-1, 0], run, shown)
     if with_controls:
         _steps(axes[len(groups), 0], control_times, controls, _default_labels(run.system, "u", controls.shape[1]))
     sliding = _sliding(run) if scene is None else []
@@ -439,12 +441,12 @@ def _mode_label(words: Sequence[Sequence[str]], k: int, i: int) -> str:
     return f"{k}: {i}" if name == str(i) and len(words) > 1 else name
 
 
-def _bands(ax: Any, run: Run) -> None:
+def _bands(ax: Any, run: Run, subsystems: Sequence[int]) -> None:
     labels: list[str] = []
     words = run.mode_names
-    for k, n in enumerate(run.n_modes):
+    for k in subsystems:
         spans = run.active(k)
-        for i in range(n):
+        for i in range(run.n_modes[k]):
             own = _joined([(a, b - a) for a, b, on in spans if i in on], _finest(run, len(spans)))
             ax.broken_barh(own, (len(labels) - 0.4, 0.8), facecolor=f"C{k % 10}", alpha=0.8)
             labels.append(_mode_label(words, k, i))
