@@ -45,8 +45,9 @@ const AIMED: usize = 8;
 const FOLLOWED: usize = 4;
 /// Share of the time that is left that the homotopy may take before mode programs, and an exact search before others.
 pub(super) const HALF: f64 = 0.5;
-/// Work, iterations times variables, that neighbours may take at least; where more was done before, as much as that.
-const EFFORT: usize = 5_000_000;
+/// Work, iterations times variables, that neighbours may take at least; where more was done before, this share of that.
+const EFFORT: f64 = 1_250_000.0;
+const BESIDE: f64 = 0.25;
 /// Share of the time that is left that a part of a search may take.
 pub(super) const SEARCH: f64 = 0.9;
 /// Share of the cost by which one must be lower to count as better.
@@ -487,7 +488,7 @@ impl Ocp {
         let mut tried = Vec::new();
         let mut before: Option<Sequence> = None;
         let mut left = NEIGHBOURS.max(request.search);
-        let most = found.work + (self.settings.search_effort * found.work.max(EFFORT) as f64) as usize;
+        let most = found.work + (self.settings.search_effort * (BESIDE * found.work as f64).max(EFFORT)) as usize;
         let (mut followed, mut descended) = (0, 0);
         self.use_idle(found, &form, &n_fe, request, control)?;
         self.clear_best(found, request, control)?;

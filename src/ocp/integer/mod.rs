@@ -14,8 +14,6 @@ mod convex;
 mod enumerate;
 mod levels;
 mod space;
-#[cfg(test)]
-mod tests;
 
 use std::time::Instant;
 
