@@ -263,7 +263,7 @@ fn what_relaxed_constraints_cost_counts_in_a_search() {
 }
 
 /// A tank may stay below the level from which on it costs, and does so most of the time; how long it is beyond has several local optima, and a first
-/// answer that is found soon is no reason to look for others less.
+/// answer that is found soon is no reason to look for others less, where effort is asked for.
 #[test]
 fn other_ways_are_looked_for_where_the_first_one_was_found_soon() {
     let g = Graph::new();
@@ -271,7 +271,7 @@ fn other_ways_are_looked_for_where_the_first_one_was_found_soon() {
     let inflow = 0.4 * (1.0 + 0.5 * g.t().sin() - q);
     let rhs = [q - 0.5 * u - 0.1 * h, inflow, (h - 1.0).gt(0.0).select(1.0, 0.0)];
     let system = Model::from_rhs("tank", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
-    let mut o = Ocp::new(&system, 8.0, 16, &Settings::default()).unwrap();
+    let mut o = Ocp::new(&system, 8.0, 16, &Settings { search_effort: 4.0, ..Settings::default() }).unwrap();
     let d = Dims { x: 3, u: 1, p: 0 };
     let of = |output: switchback::expr::Expr| Arc::new(g.function("of", d, &[output]).unwrap());
     o.set_x0(&[0.5, 0.8, 0.0]).unwrap();

@@ -254,9 +254,6 @@ impl Ocp {
                 Err(e) => return Err(e),
             }
         }
-        if found.best.is_none() {
-            part(found, control, |found, control| self.take_guess(found, request, control))?;
-        }
         if found.best.is_none() && !allowance::is_over() {
             let failed = self.last_result()?.clone();
             part(found, control, |found, control| self.solve_from_simulations(found, &failed, request, control))?;
@@ -276,17 +273,7 @@ impl Ocp {
                 Ok(())
             })?;
         }
-        if self.loses_to_guess(found)? {
-            part(found, control, |found, control| self.take_guess(found, request, control))?;
-        }
         part(found, control, |found, control| self.settle(found, request, control))
-    }
-
-    /// Do controls that are given cost less in a simulation than the best answer, and meet the constraints as well?
-    fn loses_to_guess(&self, found: &Candidates) -> Result<bool> {
-        let best = found.best.as_ref().and_then(|b| Some((b.built.as_ref()?, b.result.as_ref()?)));
-        let (Some(u), Some((b, r)), None) = (&self.u_guess, best, stop::requested()) else { return Ok(false) };
-        Ok(self.first_lower(b, r, vec![[u.clone(), u.clone()]])?.is_some())
     }
 
     /// The point with the least violation of all solves of a search that is out of iterations.
@@ -358,34 +345,6 @@ impl Ocp {
         }
         let kept = (found.cost() - promised).abs() <= PROMISED * promised.abs().max(found.cost().abs());
         Ok((true, kept && found.is_certified()?))
-    }
-
-    /// Controls that are given are an answer where they meet the constraints, and one of no other cost than theirs; their phases without them fixed, and where
-    /// a descent from them ends, may be better ones.
-    fn take_guess(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
-        let like = found.best.as_ref().and_then(|b| b.result.as_ref()).or(self.result.as_ref());
-        let (Some(controls), Some(like)) = (self.u_guess.clone(), like) else { return Ok(()) };
-        if stop::requested().is_some() {
-            return Ok(());
-        }
-        let (durations, control_ends) = (self.durations.clone(), controls.clone());
-        let from = OcpResult { durations, control_ends, controls: controls.clone(), ..like.clone() };
-        let (known, inside) = (found.known.clone(), request.of_a_part());
-        if let Some(traced) = self.trace_through(&from, &inside.options)? {
-            let mut held = self.blank();
-            held.chosen = Some([controls.clone(), controls]);
-            let mut one = held.solve_traced(&from, (&traced, NEAR), &known, &inside, control)?;
-            // what is said of it as an answer is said of controls that may change
-            one.chosen = None;
-            if let Some(r) = one.result.as_ref() {
-                found.add(r);
-                if r.is_exact() && r.priced < found.cost() {
-                    found.replace(one, &inside)?;
-                }
-            }
-        }
-        self.solve_along(found, &from, NEAR, &known, &inside, control)?;
-        self.aim_from(found, &from, request, control)
     }
 
     /// Where nothing else leads to an exact answer: mode programs along simulations of the controls of smoothed problems, aimed at the
