@@ -13,7 +13,7 @@ use switchback::nlp::{Control, Outcome};
 use switchback::ocp::{CostAt, Durations, Norm, Ocp};
 use switchback::settings::{InitialGuess, Settings};
 use switchback::sim::Simulator;
-use switchback::system::{Direction, ImpactLaw, Inclusion, Inertia, Mechanics, Order, SetValued, System};
+use switchback::system::{Direction, ImpactLaw, Inclusion, Inertia, Mechanics, Order, Rule, SetValued, System};
 
 #[path = "../examples/report/expression_models.rs"]
 mod expression_models;
@@ -280,6 +280,7 @@ fn cart() -> Built {
             from: vec![(2, from)],
             reset: vec![(3, (count + 1.0).id()), (1, (v * 0.9 + 0.1 * t.cos()).id())],
             to: vec![(2, -from)],
+            rule: Rule::default(),
         };
         m.add_transition(t);
     }

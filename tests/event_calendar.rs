@@ -5,7 +5,7 @@ use switchback::event::{Engine, Options, Outcome, Run};
 use switchback::expr::{Expr, Graph};
 use switchback::model::{Model, Transition};
 use switchback::system::Direction::{Falling, Rising};
-use switchback::system::System;
+use switchback::system::{Rule, System};
 
 const RTOL: f64 = 1e-7;
 
@@ -84,7 +84,14 @@ fn rooms(n: usize, coupling: f64) -> (System, Vec<f64>) {
         let below = set(i) - g.x(i);
         for (guard, direction, from, to) in [(below - 0.5, Rising, 0.0, 1.0), (below + 0.5, Falling, 1.0, 0.0)] {
             let (from, to) = (vec![(n + i, from)], vec![(n + i, to)]);
-            m.add_transition(Transition { guard: guard.id(), direction, from, reset: vec![], to });
+            m.add_transition(Transition {
+                guard: guard.id(),
+                direction,
+                from,
+                reset: vec![],
+                to,
+                rule: Rule::default(),
+            });
         }
     }
     let x0 = (0..n).map(|i| set(i) + 0.8 * part(i, 2) - 0.4).chain((0..n).map(|_| 0.0)).collect();
@@ -99,7 +106,14 @@ fn neurons(n: usize, weight: f64, start: impl Fn(usize) -> f64) -> (System, Vec<
     for i in 0..n {
         let beside = [(i + 1) % n, (i + n - 1) % n].map(|j| (j, (g.x(j) + weight).id()));
         let reset = [&[(i, (g.x(i) - 1.0).id())][..], &beside].concat();
-        m.add_transition(Transition { guard: (g.x(i) - 1.0).id(), direction: Rising, from: vec![], reset, to: vec![] });
+        m.add_transition(Transition {
+            guard: (g.x(i) - 1.0).id(),
+            direction: Rising,
+            from: vec![],
+            reset,
+            to: vec![],
+            rule: Rule::default(),
+        });
     }
     (m.build(&g).unwrap().system, (0..n).map(start).collect())
 }
@@ -135,7 +149,14 @@ fn units_may_switch_together() {
     let mut m = Model::from_rhs("together", 0, 0, &rhs).unwrap();
     for i in 0..n {
         let reset = vec![(i, (g.x(i) - 1.0).id())];
-        m.add_transition(Transition { guard: (g.x(i) - 1.0).id(), direction: Rising, from: vec![], reset, to: vec![] });
+        m.add_transition(Transition {
+            guard: (g.x(i) - 1.0).id(),
+            direction: Rising,
+            from: vec![],
+            reset,
+            to: vec![],
+            rule: Rule::default(),
+        });
     }
     let system = m.build(&g).unwrap().system;
     let r = run(&system, &vec![0.25; n], 10.0, &Options::default());
@@ -153,7 +174,14 @@ fn bounces_accumulate_in_one_of_many_units() {
     let mut m = Model::from_rhs("balls", 0, 0, &rhs).unwrap();
     for i in 0..n {
         let reset = vec![(n + i, (-0.5 * g.x(n + i)).id())];
-        m.add_transition(Transition { guard: g.x(i).id(), direction: Falling, from: vec![], reset, to: vec![] });
+        m.add_transition(Transition {
+            guard: g.x(i).id(),
+            direction: Falling,
+            from: vec![],
+            reset,
+            to: vec![],
+            rule: Rule::default(),
+        });
     }
     let system = m.build(&g).unwrap().system;
     let height = |i: usize| 1.0 + i as f64;
@@ -190,7 +218,14 @@ fn sliding_units_and_others() {
         let below = set(i) - g.x(i);
         for (guard, direction, from, to) in [(below - 0.5, Rising, 0.0, 1.0), (below + 0.5, Falling, 1.0, 0.0)] {
             let (from, to) = (vec![(n + i, from)], vec![(n + i, to)]);
-            m.add_transition(Transition { guard: guard.id(), direction, from, reset: vec![], to });
+            m.add_transition(Transition {
+                guard: guard.id(),
+                direction,
+                from,
+                reset: vec![],
+                to,
+                rule: Rule::default(),
+            });
         }
     }
     let x0: Vec<f64> = (0..n).map(|i| set(i) + 0.8 * part(i, 2) - 0.4).chain((0..n).map(|_| 0.0)).collect();

@@ -15,7 +15,7 @@ use switchback::model::{Built, Model, Transition};
 use switchback::nlp::{Control, Outcome};
 use switchback::ocp::{CostAt, Durations, MultiPhase, Norm, Ocp, OcpResult};
 use switchback::settings::Settings;
-use switchback::system::{Direction, SharedFunction};
+use switchback::system::{Direction, Rule, SharedFunction};
 
 #[path = "../examples/report/automata_models.rs"]
 mod automata_models;
@@ -24,7 +24,14 @@ use automata_models::AUTOMATA;
 const INF: f64 = f64::INFINITY;
 
 fn edge(guard: Expr, direction: Direction, state: usize, from: f64, to: f64) -> Transition {
-    Transition { guard: guard.id(), direction, from: vec![(state, from)], reset: vec![], to: vec![(state, to)] }
+    Transition {
+        guard: guard.id(),
+        direction,
+        from: vec![(state, from)],
+        reset: vec![],
+        to: vec![(state, to)],
+        rule: Rule::default(),
+    }
 }
 
 /// States, controls, right-hand side of all states, values of the discrete ones, transitions.
@@ -210,6 +217,7 @@ fn resets_of_states_controls_and_time() {
         from: vec![],
         reset: vec![(1, (-0.8 * v + 0.1 * u + 0.05 * g.t()).id()), (2, (n + 1.0).id())],
         to: vec![],
+        rule: Rule::default(),
     };
     let b = build(&g, 1, &[v, -9.81 + 0.0 * v, g.constant(0.0)], &[], vec![bounce]);
     let set = Settings { n_fe: 1, ..Settings::default() };

@@ -6,7 +6,7 @@ use switchback::event::{Engine, Jump, Kind, Method, Options, Outcome, Sensitivit
 use switchback::expr::{Expr, Graph};
 use switchback::func::Dims;
 use switchback::settings::Settings;
-use switchback::system::{Direction, SharedFunction, System, Transition};
+use switchback::system::{Direction, Rule, SharedFunction, System, Transition};
 
 use Direction::{Falling, Rising};
 
@@ -47,6 +47,8 @@ fn ball() -> System {
         from: vec![],
         reset: Some(function(&g, d, &[g.x(0), -g.p(0) * g.x(1)]).into()),
         to: vec![],
+        rule: Rule::default(),
+        clauses: vec![],
     })
     .unwrap();
     s
@@ -117,6 +119,8 @@ fn table() -> System {
         from: vec![],
         reset: Some(function(&g, d, &[g.x(0), -e * g.x(1) + (1.0 + e) * speed]).into()),
         to: vec![],
+        rule: Rule::default(),
+        clauses: vec![],
     })
     .unwrap();
     s
@@ -156,8 +160,16 @@ fn thermostat() -> System {
     s.set_f0(function(&g, d, &[-g.p(0) * x + g.p(1) * w, g.constant(0.0)])).unwrap();
     for (direction, at, from, to) in [(Falling, g.p(2), 0.0, 1.0), (Rising, g.p(3), 1.0, 0.0)] {
         let guard = function(&g, d, &[x - at]);
-        s.add_transition(Transition { guard, direction, from: vec![(1, from)], reset: None, to: vec![(1, to)] })
-            .unwrap();
+        s.add_transition(Transition {
+            guard,
+            direction,
+            from: vec![(1, from)],
+            reset: None,
+            to: vec![(1, to)],
+            rule: Rule::default(),
+            clauses: vec![],
+        })
+        .unwrap();
     }
     s
 }
@@ -202,6 +214,8 @@ fn everything() -> System {
         from: vec![(2, 0.0)],
         reset: Some(kick.into()),
         to: vec![(2, 1.0)],
+        rule: Rule::default(),
+        clauses: vec![],
     })
     .unwrap();
     s.add_transition(Transition {
@@ -210,6 +224,8 @@ fn everything() -> System {
         from: vec![(2, 1.0)],
         reset: None,
         to: vec![(2, 0.0)],
+        rule: Rule::default(),
+        clauses: vec![],
     })
     .unwrap();
     s
@@ -304,8 +320,16 @@ fn counter(guard: impl Fn(&Graph) -> Expr, direction: Direction) -> System {
     let mut s = System::new(2, 1, 0).unwrap();
     s.set_f0(function(&g, d, &[g.constant(1.0), g.constant(0.0)])).unwrap();
     let reset = Some(function(&g, d, &[g.x(0), g.x(1) + 1.0]).into());
-    s.add_transition(Transition { guard: function(&g, d, &[guard(&g)]), direction, from: vec![], reset, to: vec![] })
-        .unwrap();
+    s.add_transition(Transition {
+        guard: function(&g, d, &[guard(&g)]),
+        direction,
+        from: vec![],
+        reset,
+        to: vec![],
+        rule: Rule::default(),
+        clauses: vec![],
+    })
+    .unwrap();
     s
 }
 
@@ -367,6 +391,8 @@ fn chains_end_or_are_refused() {
             from,
             reset: None,
             to: vec![to],
+            rule: Rule::default(),
+            clauses: vec![],
         })
         .unwrap();
     }
@@ -388,6 +414,8 @@ fn chains_end_or_are_refused() {
             from: vec![(1, from)],
             reset: None,
             to: vec![(1, to)],
+            rule: Rule::default(),
+            clauses: vec![],
         })
         .unwrap();
     }
@@ -402,7 +430,15 @@ fn what_makes_no_sense_is_refused() {
     let mut s = System::new(2, 0, 0).unwrap();
     s.set_f0(function(&g, d, &[g.constant(1.0), g.constant(1.0)])).unwrap();
     let guard = || function(&g, d, &[g.x(0)]);
-    let make = |from, to| Transition { guard: guard(), direction: Rising, from, reset: None, to };
+    let make = |from, to| Transition {
+        guard: guard(),
+        direction: Rising,
+        from,
+        reset: None,
+        to,
+        rule: Rule::default(),
+        clauses: vec![],
+    };
     for (t, word) in [
         (make(vec![], vec![]), "changes nothing"),
         (make(vec![(2, 0.0)], vec![(0, 1.0)]), "names the state 2"),

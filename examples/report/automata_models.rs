@@ -4,6 +4,7 @@
 use switchback::expr::{Expr, Graph, Id, Piecewise};
 use switchback::model::{Built, Model, Transition};
 use switchback::system::Direction::{self, Falling, Rising};
+use switchback::system::Rule;
 
 /// Name of a reference and its model.
 pub type Automaton = (&'static str, fn() -> Built);
@@ -14,7 +15,14 @@ pub const AUTOMATA: [Automaton; 4] =
 
 /// Where the guard passes zero: between which values of a discrete state.
 fn edge(guard: Expr, direction: Direction, state: usize, (from, to): (f64, f64)) -> Transition {
-    Transition { guard: guard.id(), direction, from: vec![(state, from)], reset: vec![], to: vec![(state, to)] }
+    Transition {
+        guard: guard.id(),
+        direction,
+        from: vec![(state, from)],
+        reset: vec![],
+        to: vec![(state, to)],
+        rule: Rule::default(),
+    }
 }
 
 /// A value that goes from `low` to 1 above `on`, and back below `off`.

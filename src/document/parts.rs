@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, SavedGraph, Signature};
 use crate::func::{Dims, Function};
 use crate::memory::sizes::check as sizes;
-use crate::model::{SavedDirection, SavedValue};
+use crate::model::{SavedDirection, SavedRule, SavedValue};
 use crate::ocp::Linear;
 use crate::settings::{Settings, Value, OPTIONS};
 use crate::system::{Choice, Inclusion, Regions, Reset, SetValued, SharedFunction, Subsystem, System, Transition};
@@ -120,6 +120,15 @@ impl SavedFunction {
     }
 
     pub(super) fn restore(&self, supplied: &[Arc<dyn Function>]) -> Result<SharedFunction> {
+        self.restore_as(supplied, false)
+    }
+
+    /// One that is evaluated at events only, and may jump.
+    fn restore_at_events(&self, supplied: &[Arc<dyn Function>]) -> Result<SharedFunction> {
+        self.restore_as(supplied, true)
+    }
+
+    fn restore_as(&self, supplied: &[Arc<dyn Function>], at_events: bool) -> Result<SharedFunction> {
         let s = &self.signature;
         let Some(graph) = &self.expressions else { return s.find(supplied) };
         sizes(&s.name, &[s.x, s.u, s.p])?;
@@ -136,6 +145,7 @@ impl SavedFunction {
         let outputs = graph.restore(&mut dag, supplied)?;
         let dims = Dims { x: s.x, u: s.u, p: s.p };
         Ok(Arc::new(match self.part {
+            0 if at_events => dag.function_at_events(&s.name, dims, &outputs)?,
             0 => ExprFunction::new(&s.name, &mut dag, dims, &outputs)?,
             len => ExprFunction::with_parts(&s.name, &mut dag, dims, &outputs, len)?,
         }))
@@ -163,6 +173,8 @@ pub(super) struct SavedSystem {
     transitions: Vec<SavedTransition>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     choices: Vec<Choice>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    known_times: Vec<SavedTime>,
 }
 
 #[derive(Clone, Serialize, Deserialize)]
@@ -179,6 +191,19 @@ struct SavedTransition {
     reset_states: Vec<usize>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     to: Vec<SavedValue>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    clauses: Vec<Vec<usize>>,
+    #[serde(default, skip_serializing_if = "SavedRule::is_default")]
+    rule: SavedRule,
+}
+
+/// A time at which functions of the system are not smooth.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedTime {
+    t: f64,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    jumps: bool,
 }
 
 #[derive(Clone, Serialize, Deserialize)]
@@ -237,6 +262,8 @@ impl SavedSystem {
                 reset: t.reset.as_ref().map(|r| SavedFunction::new(&r.f)).transpose()?,
                 reset_states: t.reset.iter().filter(|r| r.rows.len() < d.x).flat_map(|r| r.rows.clone()).collect(),
                 to: SavedValue::list(&t.to),
+                clauses: t.clauses.clone(),
+                rule: (&t.rule).into(),
             })
         };
         Ok(SavedSystem {
@@ -250,6 +277,7 @@ impl SavedSystem {
             algebraic_equations: system.algebraic().map(SavedFunction::new).transpose()?,
             transitions: system.transitions().iter().map(transition).collect::<Result<_>>()?,
             choices: system.choices().to_vec(),
+            known_times: system.known_times().iter().map(|&(t, jumps)| SavedTime { t, jumps }).collect(),
         })
     }
 
@@ -279,19 +307,23 @@ impl SavedSystem {
         for t in &self.transitions {
             system.add_transition(Transition {
                 guard: t.guard.restore(supplied)?,
+                clauses: t.clauses.clone(),
                 direction: t.direction.into(),
                 from: SavedValue::values(&t.from),
                 reset: match &t.reset {
-                    Some(r) if t.reset_states.is_empty() => Some(r.restore(supplied)?.into()),
-                    Some(r) => Some(Reset { rows: t.reset_states.clone(), f: r.restore(supplied)? }),
+                    Some(r) if t.reset_states.is_empty() => Some(r.restore_at_events(supplied)?.into()),
+                    Some(r) => Some(Reset { rows: t.reset_states.clone(), f: r.restore_at_events(supplied)? }),
                     None => None,
                 },
                 to: SavedValue::values(&t.to),
+                rule: (&t.rule).into(),
             })?;
         }
         for c in &self.choices {
             system.add_choice(c.control, &c.values, c.dwell)?;
         }
+        let known: Vec<(f64, bool)> = self.known_times.iter().map(|k| (k.t, k.jumps)).collect();
+        system.add_known_times(&known)?;
         Ok(system)
     }
 }

@@ -282,7 +282,7 @@ impl Field {
         }
         transitions.iter().flat_map(|t| t.reset.iter().map(|r| &r.f).chain([&t.guard])).for_each(|f| note(f.as_ref()));
         let guards = Guards::new(transitions, q0, &dims, &mut gradients);
-        q0 += transitions.len();
+        q0 += guards.n_outputs();
         let (n_cells, n_z) = (owner.len(), nx + dims.p + dims.u + 1);
         let columns = subs.iter_mut().map(|s| s.collect_columns(&gradients)).collect();
         let rows = subs.iter().map(|s| s.rows.clone()).collect();

@@ -128,6 +128,8 @@ pub enum Outcome {
     Ambiguous = 4,
     /// No active set continues the solution.
     NoContinuation = 5,
+    /// A transition of the effect [`Effect::Stop`](crate::system::Effect::Stop) happened.
+    Event = 6,
 }
 
 impl Outcome {
@@ -140,6 +142,7 @@ impl Outcome {
             Outcome::Zeno => "zeno",
             Outcome::Ambiguous => "ambiguous",
             Outcome::NoContinuation => "no-continuation",
+            Outcome::Event => "event",
         }
     }
 }
@@ -398,6 +401,8 @@ pub struct Run {
     pub outcome: Outcome,
     /// Why, in words; where the time asked for is reached, what is not known to the tolerances, or nothing.
     pub reason: String,
+    /// The transition that ended it, where one did. Derivatives of the state are then those at the end, whose time moves.
+    pub stopped_by: Option<usize>,
     /// Time reached.
     pub t: f64,
     /// State there.

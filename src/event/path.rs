@@ -77,6 +77,13 @@ impl Path {
         self.pieces.push(Piece { t, end, origin: t, h, step, own: self.own.len() });
     }
 
+    /// The last piece ends a rounding error later.
+    pub(super) fn move_end(&mut self, t: f64) {
+        if let Some(last) = self.pieces.last_mut() {
+            last.end = t;
+        }
+    }
+
     /// Cuts the last piece at the `times` of events, which ascend.
     pub(super) fn cut(&mut self, times: &[f64]) {
         for &t in times {

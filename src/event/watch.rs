@@ -292,6 +292,7 @@ pub(super) fn list(field: &Field, out: &mut Vec<Watch>) {
     for &guard in &field.guards.armed {
         let g = &field.guards.all[guard];
         let toward = g.transition.direction.sign();
-        out.push(Watch::Guard { guard, a: g.q, sign: if g.spent { toward } else { -toward }, back: g.spent });
+        let sign = if g.spent { toward } else { -toward };
+        out.extend(g.watched.iter().map(|l| Watch::Guard { guard, a: g.q + l, sign, back: g.spent }));
     }
 }

@@ -534,6 +534,7 @@ impl Dag {
                 let c = self.constant(std::f64::consts::FRAC_2_SQRT_PI);
                 self.mul(c, e)
             }
+            Unary::Floor => self.constant(0.0),
         }
     }
 

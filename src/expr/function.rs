@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::bundle::Program;
 use super::dag::{Block, Dag, Id, Node};
+use super::held::no_floor;
 use super::saved::SavedGraph;
 use super::tape::{Tape, LANES};
 use crate::error::{Error, Result};
@@ -57,12 +58,23 @@ impl ExprFunction {
     /// # Errors
     /// As [`Tape::new`] and [`Dag::jacobian`].
     pub fn new(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<ExprFunction> {
+        if dag.has_floor(outputs) {
+            return Err(no_floor(name));
+        }
+        ExprFunction::with_order(name, dag, dims, outputs, true)
+    }
+
+    /// One that may jump, see [`Dag::function_at_events`].
+    pub(super) fn with_jumps(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<ExprFunction> {
         ExprFunction::with_order(name, dag, dims, outputs, true)
     }
 
     /// Makes a function without second derivatives, for those who never ask for them: [`Function::hess_pattern`] is empty and
     /// [`Function::hessian`] fails.
     pub fn first_order(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<ExprFunction> {
+        if dag.has_floor(outputs) {
+            return Err(no_floor(name));
+        }
         ExprFunction::with_order(name, dag, dims, outputs, false)
     }
 

@@ -215,6 +215,10 @@ impl<'g> Expr<'g> {
     pub fn erf(self) -> Expr<'g> {
         self.unary(Unary::Erf)
     }
+    /// The largest whole number that is not larger: in resets, whose jumps are at events.
+    pub fn floor(self) -> Expr<'g> {
+        self.unary(Unary::Floor)
+    }
     /// Integer power.
     pub fn powi(self, n: i32) -> Expr<'g> {
         self.graph.expr(self.graph.dag().powi(self.id, n))

@@ -128,6 +128,7 @@ fn unary(op: Unary, a: Range) -> Range {
         Unary::Sinh => increasing(f64::sinh),
         Unary::Asin if a[0] >= -1.0 && a[1] <= 1.0 => increasing(f64::asin),
         Unary::Acos if a[0] >= -1.0 && a[1] <= 1.0 => widen(a[1].acos(), a[0].acos()),
+        Unary::Floor => [a[0].floor(), a[1].floor()],
         Unary::Cosh => {
             let least = if a[0] <= 0.0 && a[1] >= 0.0 { 0.0 } else { a[0].abs().min(a[1].abs()) };
             widen(least.cosh(), a[0].abs().max(a[1].abs()).cosh())

@@ -5,16 +5,19 @@
 //! at many, [`ExprFunction`] makes a [`crate::func::Function`] of it, [`write_c`] writes it out in C.
 //!
 //! Operators that switch (`sign`, `abs`, `min`, `max`, `where`) are not evaluated: [`crate::model`] turns them into
-//! switching functions and modes, and [`Graph::cost`] those of a cost into maxima that a program has variables for.
+//! switching functions and modes, and [`Graph::cost`] those of a cost into maxima that a program has variables for. What is evaluated at
+//! single times only may switch ([`Dag::function_at_events`]).
 
 mod bundle;
 mod c_code;
+mod clauses;
 mod dag;
 mod diff;
 pub(crate) mod exact;
 mod extend;
 mod function;
 mod graph;
+mod held;
 mod interval;
 mod kinks;
 mod linear;
@@ -32,6 +35,7 @@ mod tape;
 mod text;
 
 pub use c_code::write_c;
+pub use clauses::Clauses;
 pub use dag::{Block, Dag, Id, Node};
 pub use diff::Entry;
 pub(crate) use function::all_inputs;

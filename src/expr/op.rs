@@ -31,11 +31,13 @@ pub enum Unary {
     Tanh,
     /// Error function.
     Erf,
+    /// The largest whole number that is not larger; for what is evaluated at events.
+    Floor,
 }
 
 impl Unary {
     /// All of them.
-    pub const ALL: [Unary; 14] = [
+    pub const ALL: [Unary; 15] = [
         Unary::Neg,
         Unary::Sqrt,
         Unary::Exp,
@@ -50,6 +52,7 @@ impl Unary {
         Unary::Cosh,
         Unary::Tanh,
         Unary::Erf,
+        Unary::Floor,
     ];
 
     /// Name, as in C.
@@ -69,6 +72,7 @@ impl Unary {
             Unary::Cosh => "cosh",
             Unary::Tanh => "tanh",
             Unary::Erf => "erf",
+            Unary::Floor => "floor",
         }
     }
 
@@ -90,6 +94,7 @@ impl Unary {
             Unary::Cosh => a.cosh(),
             Unary::Tanh => a.tanh(),
             Unary::Erf => erf(a),
+            Unary::Floor => a.floor(),
         }
     }
 }

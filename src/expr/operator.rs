@@ -24,6 +24,7 @@ pub enum Operator {
     Cosh,
     Tanh,
     Erf,
+    Floor,
     Add = 20,
     Sub,
     Mul,
@@ -58,11 +59,11 @@ enum Kind {
 
 impl Operator {
     /// All operators.
-    pub const ALL: [Operator; 32] = {
+    pub const ALL: [Operator; 33] = {
         use Operator::*;
         [
-            Neg, Sqrt, Exp, Log, Sin, Cos, Tan, Asin, Acos, Atan, Sinh, Cosh, Tanh, Erf, Add, Sub, Mul, Div, Pow,
-            Atan2, Positive, Not, And, Or, Where, Sign, Abs, Min, Max, Clip, Relay, DeadZone,
+            Neg, Sqrt, Exp, Log, Sin, Cos, Tan, Asin, Acos, Atan, Sinh, Cosh, Tanh, Erf, Floor, Add, Sub, Mul, Div,
+            Pow, Atan2, Positive, Not, And, Or, Where, Sign, Abs, Min, Max, Clip, Relay, DeadZone,
         ]
     };
 
@@ -133,6 +134,7 @@ impl Dag {
             Operator::Cosh => unary(self, Unary::Cosh),
             Operator::Tanh => unary(self, Unary::Tanh),
             Operator::Erf => unary(self, Unary::Erf),
+            Operator::Floor => unary(self, Unary::Floor),
             Operator::Add => binary(self, Binary::Add),
             Operator::Sub => binary(self, Binary::Sub),
             Operator::Mul => binary(self, Binary::Mul),

@@ -235,7 +235,7 @@ impl Dag {
     }
 
     /// Copies the nodes under `roots` with conditions replaced.
-    fn rebuild(&mut self, roots: &[Id], replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>) -> Vec<Id> {
+    pub(super) fn rebuild(&mut self, roots: &[Id], replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>) -> Vec<Id> {
         self.rebuild_with(roots, replace, &|block, i| (block, i as usize), &BTreeMap::new(), false)
     }
 

@@ -128,6 +128,7 @@ fn unary(op: Unary, a: Interval) -> Interval {
         Unary::Cosh => Interval::new(1.0, infinite),
         Unary::Acos => Interval::new(0.0, std::f64::consts::PI.next_up()),
         Unary::Asin => Interval::new(-right_angle, right_angle),
+        Unary::Floor => Interval::new(a.low.floor(), a.high.floor()),
         Unary::Log | Unary::Tan => ALL,
     }
 }

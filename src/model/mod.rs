@@ -25,7 +25,7 @@ pub use report::{Counts, Group, Note, NoteKind, Report};
 pub use saved::SavedModel;
 pub use transition::Transition;
 
-pub(crate) use saved::{SavedDirection, SavedValue};
+pub(crate) use saved::{SavedDirection, SavedRule, SavedValue};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -331,6 +331,12 @@ impl Builder<'_> {
             if self.dag.is_condition(r) {
                 return Err(Error::Range(format!("the derivative of {name} is a condition: choose values with where")));
             }
+            if self.dag.has_floor(&[r]) {
+                return Err(Error::Unsupported(format!(
+                    "the derivative of {name} has floor, which jumps again and again: hold the value in a discrete state, which a clock or a \
+                     transition resets"
+                )));
+            }
             rhs.push(r);
         }
         Ok(rhs)
@@ -553,7 +559,7 @@ impl Builder<'_> {
         let t_col = d.t_col();
         let clock = functions.iter().any(|f| !f.jac_pattern().rows(t_col).is_empty());
         let report = Report { n_smooth: smooth.len(), groups, ..self.report(clock) };
-        Ok(self.built(system, report, functions, saved, still))
+        self.built(system, report, functions, saved, still)
     }
 
     /// The report of a model without groups, with the notes so far.
@@ -578,13 +584,15 @@ impl Builder<'_> {
     /// What the model became, without discrete states and transitions.
     fn built(
         &self,
-        system: System,
+        mut system: System,
         report: Report,
         functions: Vec<Arc<ExprFunction>>,
         saved: Arc<Result<SavedModel>>,
         still: Vec<bool>,
-    ) -> Built {
-        Built {
+    ) -> Result<Built> {
+        let rhs: Vec<Id> = self.model.rhs.iter().flatten().copied().collect();
+        system.add_known_times(&self.dag.table_times(&rhs))?;
+        Ok(Built {
             system,
             report,
             functions,
@@ -595,7 +603,7 @@ impl Builder<'_> {
             discrete: Vec::new(),
             value_names: Vec::new(),
             transitions: Vec::new(),
-        }
+        })
     }
 
     /// Gradient of an expression with respect to states and time: indices (`nx` is the time) and entries.

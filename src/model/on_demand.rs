@@ -64,6 +64,6 @@ impl Builder<'_> {
         let mut system = System::new(d.x, d.u, d.p)?;
         system.set_on_demand(OnDemand { rhs: Arc::new(rhs_function), psi: Arc::new(psi_function), upstream })?;
         let report = self.report(clock);
-        Ok(self.built(system, report, Vec::new(), saved, still))
+        self.built(system, report, Vec::new(), saved, still)
     }
 }

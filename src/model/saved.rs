@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::expr::{Dag, Id, SavedGraph};
 use crate::func::Function;
 use crate::memory::sizes;
-use crate::system::{Choice, Direction};
+use crate::system::{Choice, Direction, Effect, Rule, Trigger};
 use std::sync::Arc;
 
 /// Name, sizes and derivatives of a model; there are as many states as derivatives.
@@ -95,6 +95,81 @@ impl From<SavedDirection> for Direction {
     }
 }
 
+/// What a transition does.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum SavedEffect {
+    #[default]
+    Jump,
+    Note,
+    Stop,
+}
+
+/// When it does so.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum SavedTrigger {
+    #[default]
+    Level,
+    Edge,
+}
+
+fn is_default<T: Default + PartialEq>(v: &T) -> bool {
+    *v == T::default()
+}
+
+/// Name, effect and trigger of a transition.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SavedRule {
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    name: String,
+    #[serde(default, skip_serializing_if = "is_default")]
+    effect: SavedEffect,
+    #[serde(default, skip_serializing_if = "is_default")]
+    trigger: SavedTrigger,
+}
+
+impl SavedRule {
+    pub(crate) fn is_default(&self) -> bool {
+        is_default(self)
+    }
+}
+
+impl From<&Rule> for SavedRule {
+    fn from(r: &Rule) -> SavedRule {
+        SavedRule {
+            name: r.name.clone(),
+            effect: match r.effect {
+                Effect::Jump => SavedEffect::Jump,
+                Effect::Note => SavedEffect::Note,
+                Effect::Stop => SavedEffect::Stop,
+            },
+            trigger: match r.trigger {
+                Trigger::Level => SavedTrigger::Level,
+                Trigger::Edge => SavedTrigger::Edge,
+            },
+        }
+    }
+}
+
+impl From<&SavedRule> for Rule {
+    fn from(r: &SavedRule) -> Rule {
+        Rule {
+            name: r.name.clone(),
+            effect: match r.effect {
+                SavedEffect::Jump => Effect::Jump,
+                SavedEffect::Note => Effect::Note,
+                SavedEffect::Stop => Effect::Stop,
+            },
+            trigger: match r.trigger {
+                SavedTrigger::Level => Trigger::Level,
+                SavedTrigger::Edge => Trigger::Edge,
+            },
+        }
+    }
+}
+
 /// A transition: the first root of the expressions is the guard, the others are what the states in `reset` become.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -107,6 +182,8 @@ struct SavedTransition {
     reset: Vec<usize>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     to: Vec<SavedValue>,
+    #[serde(default, skip_serializing_if = "SavedRule::is_default")]
+    rule: SavedRule,
 }
 
 impl SavedTransition {
@@ -118,6 +195,7 @@ impl SavedTransition {
             from: SavedValue::list(&t.from),
             reset: t.reset.iter().map(|r| r.0).collect(),
             to: SavedValue::list(&t.to),
+            rule: (&t.rule).into(),
         })
     }
 
@@ -137,6 +215,7 @@ impl SavedTransition {
             from: SavedValue::values(&self.from),
             reset: self.reset.iter().copied().zip(roots[1..].iter().copied()).collect(),
             to: SavedValue::values(&self.to),
+            rule: (&self.rule).into(),
         })
     }
 }

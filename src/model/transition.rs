@@ -5,9 +5,12 @@ use std::sync::Arc;
 use super::{Built, Model};
 use crate::error::{finite, Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, Id};
-use crate::system::{Choice, Direction, Reset, Transition as Made};
+use crate::system::{Choice, Direction, Effect, Reset, Rule, Transition as Made, Trigger};
 
 /// A jump of the state where a guard passes zero, see [`crate::system::Transition`]; guard and reset are expressions.
+///
+/// The guard is a value, which passes zero in its direction, or a condition, joined of comparisons, which becomes true (rising) or false
+/// (falling). It is smooth. Resets may switch and jump, see [`Dag::function_at_events`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transition {
     /// The guard.
@@ -20,6 +23,16 @@ pub struct Transition {
     pub reset: Vec<(usize, Id)>,
     /// Discrete states and the values they have behind the jump.
     pub to: Vec<(usize, f64)>,
+    /// Name, effect, trigger.
+    pub rule: Rule,
+}
+
+impl Transition {
+    /// One that changes nothing: it notes where its guard rises, or ends the run.
+    pub fn event(name: &str, effect: Effect, guard: Id) -> Transition {
+        let rule = Rule::event(name, effect);
+        Transition { guard, direction: Direction::Rising, from: Vec::new(), reset: Vec::new(), to: Vec::new(), rule }
+    }
 }
 
 impl Model {
@@ -171,7 +184,7 @@ impl Built {
     /// Adds a transition with expressions of the graph the model was built from, and returns its index.
     ///
     /// # Errors
-    /// [`Error::Range`] for states that do not exist or repeat and for guards and resets that switch; those of
+    /// [`Error::Range`] for states that do not exist or repeat, [`Error::Unsupported`] for guards that switch; those of
     /// [`crate::system::System::add_transition`] and of [`ExprFunction::new`].
     pub fn add_transition(&mut self, dag: &mut Dag, t: Transition) -> Result<usize> {
         let k = self.transitions.len();
@@ -186,10 +199,10 @@ impl Built {
                 return Err(Error::Range(format!("transition {k}: the reset names the state {state} twice")));
             }
         }
-        for &id in t.reset.iter().map(|r| &r.1).chain([&t.guard]) {
+        for &id in t.reset.iter().map(|r| &r.1) {
             if dag.is_condition(id) {
                 return Err(Error::Range(format!(
-                    "transition {k}: guard and reset are values, {} is a condition: a guard is what passes zero",
+                    "transition {k}: resets are values, {} is a condition: choose one with where",
                     dag.text_with(id, &|block, i| self.names.of(block, i))
                 )));
             }
@@ -197,23 +210,27 @@ impl Built {
         let function = |dag: &mut Dag, name: &str, outputs: &[Id]| -> Result<Arc<ExprFunction>> {
             Ok(Arc::new(ExprFunction::new(name, dag, self.dims, outputs)?))
         };
-        let watched = dag.of_same_sign(t.guard);
-        let guard = function(dag, &format!("guard{k}"), &[watched])?;
+        let (watched, clauses, direction) = watched(dag, &t)?;
+        let guard = function(dag, &format!("guard{k}"), &watched)?;
         let mut reset = None;
         if !t.reset.is_empty() {
             let mut moved = t.reset.clone();
             moved.sort_unstable_by_key(|r| r.0);
             let (rows, ids): (Vec<usize>, Vec<Id>) = moved.into_iter().unzip();
-            reset = Some((rows, function(dag, &format!("reset{k}"), &ids)?));
+            let f = dag.function_at_events(&format!("reset{k}"), self.dims, &ids)?;
+            reset = Some((rows, Arc::new(f)));
         }
         let made = Made {
             guard: guard.clone(),
-            direction: t.direction,
+            clauses,
+            direction,
             from: t.from.clone(),
             reset: reset.clone().map(|(rows, f)| Reset { rows, f }),
             to: t.to.clone(),
+            rule: t.rule.clone(),
         };
         self.system.add_transition(made)?;
+        self.system.add_known_times(&dag.table_times(&watched))?;
         self.functions.push(guard);
         self.functions.extend(reset.map(|r| r.1));
         self.report.transitions.push(self.transition_text(dag, &t));
@@ -234,9 +251,18 @@ impl Built {
             });
         }
         parts.extend(t.reset.iter().map(|&(state, id)| format!("{} := {}", name(state), text(id))));
-        let mut out = parts.join(", ");
+        let effect = match t.rule.effect {
+            Effect::Jump => None,
+            Effect::Note => Some("noted"),
+            Effect::Stop => Some("ends the run"),
+        };
+        parts.extend(effect.map(str::to_owned));
+        let mut out = if t.rule.name.is_empty() { String::new() } else { format!("{}: ", t.rule.name) };
+        out += &parts.join(", ");
         out += &match (dag.as_const(t.guard), t.direction) {
             (Some(v), d) if v * d.sign() > 0.0 => " at once".to_owned(),
+            (_, Direction::Rising) if dag.is_condition(t.guard) => format!(" where {} becomes true", text(t.guard)),
+            (_, Direction::Falling) if dag.is_condition(t.guard) => format!(" where {} becomes false", text(t.guard)),
             (_, Direction::Rising) => format!(" where {} becomes positive", text(t.guard)),
             (_, Direction::Falling) => format!(" where {} becomes negative", text(t.guard)),
         };
@@ -245,6 +271,31 @@ impl Built {
         if !asked.is_empty() {
             out += &format!(", while {}", asked.join(" and "));
         }
+        if t.rule.effect == Effect::Jump && t.rule.trigger == Trigger::Edge {
+            out += ", not where it is so from the start";
+        }
         out
     }
+}
+
+/// What is watched of a guard: functions, the lists of those that must be positive together, and the direction.
+fn watched(dag: &mut Dag, t: &Transition) -> Result<(Vec<Id>, Vec<Vec<usize>>, Direction)> {
+    if !dag.is_condition(t.guard) {
+        return Ok((vec![dag.of_same_sign(t.guard)], Vec::new(), t.direction));
+    }
+    let condition = match t.direction {
+        Direction::Rising => t.guard,
+        Direction::Falling => dag.not(t.guard),
+    };
+    let found = dag.clauses(condition)?;
+    let decided = match &found.lists[..] {
+        [] => Some(-1.0),
+        all if all.iter().any(Vec::is_empty) => Some(1.0),
+        _ => None,
+    };
+    Ok(match (decided, &found.lists[..]) {
+        (Some(v), _) => (vec![dag.constant(v)], Vec::new(), Direction::Rising),
+        (_, [one]) if one.len() == 1 => (found.functions, Vec::new(), Direction::Rising),
+        _ => (found.functions, found.lists, Direction::Rising),
+    })
 }

@@ -370,7 +370,7 @@ fn after(end: event::Outcome) -> &'static str {
         E::MaxSteps => "raise accuracy_tol",
         E::StepTooSmall => "keep away by bounds from where the model has no value, or add elements (n_fe)",
         E::Zeno => "the switches accumulate there: start elsewhere, or model what is at rest as a mode of its own",
-        E::Reached | E::Ambiguous | E::NoContinuation => {
+        E::Reached | E::Ambiguous | E::NoContinuation | E::Event => {
             "more stage points (n_s) or elements (n_fe) bring the answer closer to the system, so does adapt_tol"
         }
     }

@@ -91,7 +91,15 @@ impl Rewire {
             .as_ref()
             .map(|r| Reset { rows: r.rows.iter().map(|i| i + self.first).collect(), f: self.function(&r.f) });
         let guard = self.function(&t.guard);
-        Transition { guard, direction: t.direction, from: values(&t.from), reset, to: values(&t.to) }
+        Transition {
+            guard,
+            clauses: t.clauses.clone(),
+            direction: t.direction,
+            from: values(&t.from),
+            reset,
+            to: values(&t.to),
+            rule: t.rule.clone(),
+        }
     }
 
     /// The system with the new inputs.

@@ -433,6 +433,7 @@ impl Integrator {
         let run = Run {
             outcome: engine.outcome(),
             reason: self.reason.clone(),
+            stopped_by: engine.stopped_by(),
             t: engine.time(),
             x: engine.state().to_vec(),
             switches: engine.switches().to_vec(),

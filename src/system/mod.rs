@@ -24,7 +24,7 @@ pub use choice::Choice;
 pub use contact::{Contact, ImpactLaw, Inertia, Local, Mechanics, Order, Projection};
 pub use on_demand::{OnDemand, Signed};
 pub use smoothed::Widths;
-pub use transition::{Direction, Reset, Transition};
+pub use transition::{Direction, Effect, Reset, Rule, Transition, Trigger};
 
 /// A function that may be shared by models and threads.
 pub type SharedFunction = Arc<dyn Function>;
@@ -116,12 +116,37 @@ pub struct System {
     algebraic: Option<SharedFunction>,
     transitions: Vec<Transition>,
     choices: Vec<Choice>,
+    known_times: Vec<(f64, bool)>,
     mechanics: Option<Arc<Mechanics>>,
     combined: Option<SharedFunction>,
     on_demand: Option<Arc<OnDemand>>,
 }
 
 impl System {
+    /// Times at which functions of the system are not smooth, ascending, and whether the right-hand side jumps there.
+    pub fn known_times(&self) -> &[(f64, bool)] {
+        &self.known_times
+    }
+
+    /// Adds times at which functions of the system are not smooth, as the knots of a table of time are, in any order; `true` where the right-hand
+    /// side jumps. Event-driven simulation ends its steps there, and begins anew where something jumps.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for times that are not finite.
+    pub fn add_known_times(&mut self, times: &[(f64, bool)]) -> Result<()> {
+        if let Some(t) = times.iter().find(|t| !t.0.is_finite()) {
+            return Err(Error::Range(format!("a known time is {}: it must be finite", t.0)));
+        }
+        self.known_times.extend_from_slice(times);
+        self.known_times.sort_by(|a, b| a.0.total_cmp(&b.0));
+        self.known_times.dedup_by(|b, a| {
+            let same = a.0 == b.0;
+            a.1 |= same && b.1;
+            same
+        });
+        Ok(())
+    }
+
     /// A system without dynamics: `nx` states, `nu` controls, `np` parameters.
     pub fn new(nx: usize, nu: usize, np: usize) -> Result<System> {
         if nx == 0 {
@@ -137,6 +162,7 @@ impl System {
             algebraic: None,
             transitions: Vec::new(),
             choices: Vec::new(),
+            known_times: Vec::new(),
             mechanics: None,
             combined: None,
             on_demand: None,

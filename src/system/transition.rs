@@ -15,6 +15,16 @@
 //! - A transition that leaves its own guard beyond zero and its own `from` true happens once; it is watched again when
 //!   ψ has been back on the other side.
 //! - Of several that happen at one time the one that was added first comes first; the others follow if they still hold.
+//!
+//! A transition of the trigger [`Trigger::Edge`] happens where its condition *becomes* true while it is watched. Where the condition is true already
+//! when the discrete states become as `from` says, it has to be false before. A jump of the state by another transition, and other controls
+//! or parameters, make a condition true as the motion does.
+//!
+//! A guard may have several outputs: the condition is then that of one list among `clauses` all are positive. Its transition happens where that
+//! becomes true, and is watched again where it has been false.
+//!
+//! Two effects change nothing. [`Effect::Note`] writes time and state down and ends no step; [`Effect::Stop`] ends the run. Both have the
+//! trigger [`Trigger::Edge`].
 
 use std::sync::Arc;
 
@@ -45,12 +55,99 @@ impl Direction {
     }
 }
 
-/// A jump of the state where a guard passes zero.
+/// What happens where the condition of a transition becomes true.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+#[non_exhaustive]
+pub enum Effect {
+    /// The state jumps.
+    #[default]
+    Jump = 0,
+    /// Time and state are written down; no step ends for that.
+    Note = 1,
+    /// The run ends there.
+    Stop = 2,
+}
+
+impl Effect {
+    /// The effect with this number.
+    ///
+    /// # Errors
+    /// [`Error::Range`] if there is none.
+    pub fn from_number(n: i32) -> Result<Effect> {
+        let all = [Effect::Jump, Effect::Note, Effect::Stop];
+        let found = all.into_iter().find(|e| *e as i32 == n);
+        found
+            .ok_or_else(|| Error::Range(format!("there is no effect {n}: 0 is a jump, 1 a note, 2 the end of the run")))
+    }
+}
+
+/// Does a transition happen where its condition is true, or where it becomes true?
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+#[non_exhaustive]
+pub enum Trigger {
+    /// Where it is true: at once when its discrete states begin, if it is true then.
+    #[default]
+    Level = 0,
+    /// Where it becomes true: what is true when its discrete states begin has to be false before.
+    Edge = 1,
+}
+
+impl Trigger {
+    /// The trigger with this number.
+    ///
+    /// # Errors
+    /// [`Error::Range`] if there is none.
+    pub fn from_number(n: i32) -> Result<Trigger> {
+        let found = [Trigger::Level, Trigger::Edge].into_iter().find(|e| *e as i32 == n);
+        found.ok_or_else(|| Error::Range(format!("there is no trigger {n}: 0 is the level, 1 the edge")))
+    }
+}
+
+/// What a transition is called, what it does, and when.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Rule {
+    /// Its name in results and reports; empty for none.
+    pub name: String,
+    /// What happens.
+    pub effect: Effect,
+    /// When; [`Trigger::Edge`] for all but jumps.
+    pub trigger: Trigger,
+}
+
+impl Rule {
+    /// One that changes nothing.
+    pub fn event(name: &str, effect: Effect) -> Rule {
+        Rule { name: name.to_owned(), effect, trigger: Trigger::Edge }
+    }
+
+    /// Errors of names, and of triggers that an effect does not have; `name` is what is known of others.
+    pub(crate) fn check<'a>(&self, k: usize, mut others: impl Iterator<Item = &'a Rule>) -> Result<()> {
+        if self.name.contains(['\n', '\0']) {
+            return Err(Error::Range(format!("transition {k}: a name is one line, {:?} is not", self.name)));
+        }
+        if !self.name.is_empty() && others.any(|o| o.name == self.name) {
+            return Err(Error::Range(format!("transition {k}: there is one called '{}' already", self.name)));
+        }
+        if self.effect != Effect::Jump && self.trigger == Trigger::Level {
+            return Err(Error::State(format!(
+                "transition {k} notes or stops, which happens where its condition becomes true: give it the trigger edge"
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// A jump of the state where a guard passes zero, or another event there, see [`Effect`].
 #[derive(Clone)]
 pub struct Transition {
-    /// The guard `ψ`, one output.
+    /// The guard `ψ`, one output; as many as `clauses` name.
     pub guard: SharedFunction,
     /// Direction in which the guard passes zero.
+    /// Lists of outputs of the guard: its condition is that all of one list are positive. No lists: that of the one output, in its direction.
+    pub clauses: Vec<Vec<usize>>,
+    /// Where it passes zero to.
     pub direction: Direction,
     /// Discrete states and the values they must have for the transition to be watched.
     pub from: Vec<(usize, f64)>,
@@ -58,6 +155,15 @@ pub struct Transition {
     pub reset: Option<Reset>,
     /// Discrete states and the values they have behind the jump.
     pub to: Vec<(usize, f64)>,
+    /// Name, effect, trigger.
+    pub rule: Rule,
+}
+
+impl Transition {
+    /// Has its guard one output, which acts where it is positive: what optimal control, and systems of many units, follow?
+    pub(crate) fn is_plain(&self) -> bool {
+        self.clauses.is_empty() && self.rule.effect == Effect::Jump && self.rule.trigger == Trigger::Level
+    }
 }
 
 /// New values of some states in a transition: the others stay as they are.
@@ -176,7 +282,8 @@ impl System {
     /// Adds a transition and returns its index.
     pub fn add_transition(&mut self, t: Transition) -> Result<usize> {
         let k = self.transitions.len();
-        self.check(t.guard.as_ref(), 1)?;
+        t.rule.check(k, self.transitions.iter().map(|t| &t.rule))?;
+        self.check_guard(k, &t)?;
         if let Some(r) = &t.reset {
             self.check(r.f.as_ref(), r.rows.len())?;
             if let Some(i) = r.rows.iter().find(|i| **i >= self.dims.x) {
@@ -207,11 +314,38 @@ impl System {
                 }
             }
         }
-        if t.reset.is_none() && t.to.is_empty() {
-            return Err(Error::State(format!("transition {k} changes nothing: give a reset, or discrete states `to`")));
-        }
+        let changes = t.reset.is_some() || !t.to.is_empty();
+        match (t.rule.effect, changes) {
+            (Effect::Jump, false) => Err(Error::State(format!(
+                "transition {k} changes nothing: give a reset, or discrete states `to`; or an effect that notes or stops"
+            ))),
+            (Effect::Note | Effect::Stop, true) => Err(Error::State(format!(
+                "transition {k} notes or stops and changes the state: add a second transition with the same guard for that"
+            ))),
+            _ => Ok(()),
+        }?;
         self.transitions.push(t);
         Ok(k)
+    }
+
+    fn check_guard(&self, k: usize, t: &Transition) -> Result<()> {
+        if t.clauses.is_empty() {
+            return self.check(t.guard.as_ref(), 1);
+        }
+        let n = t.guard.n_out();
+        self.check(t.guard.as_ref(), n)?;
+        if t.direction != Direction::Rising {
+            return Err(Error::Range(format!(
+                "transition {k}: a guard of several outputs rises; negate its condition"
+            )));
+        }
+        if let Some(i) = t.clauses.iter().flatten().find(|i| **i >= n) {
+            return Err(Error::Range(format!("transition {k}: a clause names output {i} of the guard, which has {n}")));
+        }
+        if t.clauses.iter().any(Vec::is_empty) {
+            return Err(Error::Range(format!("transition {k}: a clause without outputs is always true")));
+        }
+        Ok(())
     }
 
     /// The system as it is between transitions: its discrete states are states that nothing drives.
@@ -231,6 +365,12 @@ impl System {
 
     /// An error where optimal control cannot follow the transitions.
     pub(crate) fn check_transitions_are_followed(&self) -> Result<()> {
+        if let Some(k) = self.transitions.iter().position(|t| !t.is_plain()) {
+            return Err(Error::Unsupported(format!(
+                "optimal control follows transitions of one comparison that act where it is true: transition {k} notes, stops, waits for an \
+                 edge, or joins comparisons"
+            )));
+        }
         if self.transitions.is_empty() || (self.n_z == 0 && self.inclusions.is_empty()) {
             return Ok(());
         }

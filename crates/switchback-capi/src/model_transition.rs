@@ -12,7 +12,7 @@ use switchback::error::{Error, Result};
 use switchback::expr::Id;
 use switchback::memory::sizes::size;
 use switchback::model::{Built, Transition};
-use switchback::system::Direction;
+use switchback::system::{Direction, Rule};
 
 /// Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
 /// transitions change them. Reports name them and documents keep the values; simulations start where they are told to. Names of
@@ -128,7 +128,7 @@ pub unsafe extern "C" fn swb_model_add_transition(
             let guard = dag.id(place(guard, "guard")?)?;
             let one = |(&s, &id)| Ok((place(s, "reset_states")?, dag.id(place(id, "resets")?)?));
             let reset = states.iter().zip(ids).map(one).collect::<Result<Vec<(usize, Id)>>>()?;
-            let t = Transition { guard, direction, from, reset, to };
+            let t = Transition { guard, direction, from, reset, to, rule: Rule::default() };
             handle::with_mut(model, |m| m.add_transition(dag, t))
         })?;
         raw::write_optional(index, k as i64);

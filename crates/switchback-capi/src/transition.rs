@@ -11,7 +11,7 @@ use super::system::swb_system;
 use switchback::error::{Error, Result};
 use switchback::event::Jump;
 use switchback::session::Record;
-use switchback::system::{Direction, Transition};
+use switchback::system::{Direction, Rule, Transition};
 
 /// The direction in which the guard of a transition passes zero.
 #[repr(i32)]
@@ -91,6 +91,8 @@ pub unsafe extern "C" fn swb_system_add_transition(
             from: values_of((from_states, n_from_states), (from_values, n_from_values), "from")?,
             reset: if reset.is_null() { None } else { Some(shared(reset, "reset")?.into()) },
             to: values_of((to_states, n_to_states), (to_values, n_to_values), "to")?,
+            clauses: Vec::new(),
+            rule: Rule::default(),
         };
         let k = handle::with_mut(system, |s| s.add_transition(transition))?;
         raw::write_optional(index, k as i64);

@@ -8,6 +8,7 @@ use switchback::event::{Engine, Options, Progress};
 use switchback::expr::{Expr, Graph};
 use switchback::model::{Built, Model, Transition};
 use switchback::system::Direction::{Falling, Rising};
+use switchback::system::Rule;
 
 /// Numbers between 0 and 1 that repeat on every machine.
 fn part(i: usize, of: usize) -> f64 {
@@ -41,7 +42,14 @@ fn hystereses(n: usize, coupling: f64) -> Units {
         let below = set(i) - g.x(i);
         for (guard, direction, from, to) in [(below - 0.5, Rising, 0.0, 1.0), (below + 0.5, Falling, 1.0, 0.0)] {
             let (from, to) = (vec![(n + i, from)], vec![(n + i, to)]);
-            m.add_transition(Transition { guard: guard.id(), direction, from, reset: vec![], to });
+            m.add_transition(Transition {
+                guard: guard.id(),
+                direction,
+                from,
+                reset: vec![],
+                to,
+                rule: Rule::default(),
+            });
         }
     }
     let x0 = (0..n).map(|i| set(i) + 0.8 * part(i, 2) - 0.4).chain((0..n).map(|_| 0.0)).collect();
@@ -60,7 +68,14 @@ fn neurons(n: usize, targets: impl Fn(usize) -> Vec<usize>) -> Units {
         moved.sort_unstable();
         moved.dedup();
         reset.extend(moved.into_iter().filter(|j| *j != i).map(|j| (j, (g.x(j) + 0.02 * (part(i + j, 2) - 0.5)).id())));
-        m.add_transition(Transition { guard: (g.x(i) - 1.0).id(), direction: Rising, from: vec![], reset, to: vec![] });
+        m.add_transition(Transition {
+            guard: (g.x(i) - 1.0).id(),
+            direction: Rising,
+            from: vec![],
+            reset,
+            to: vec![],
+            rule: Rule::default(),
+        });
     }
     let x0 = (0..n).map(|i| part(i, 3)).collect();
     Units { built: m.build(&g).expect("the model is well formed"), x0, t_end: 10.0 }

@@ -476,7 +476,8 @@ impl Engine {
     /// Has the same transition happened more than once since some time? One of them, such as that which begins a phase of a controller, is
     /// only followed by what accumulates.
     pub(super) fn jumped_since(&self, from: f64) -> bool {
-        self.field.guards.all.iter().any(|g| self.calendar.recent.of(g.q).back(1).is_some_and(|t| t >= from))
+        let mut places = self.field.guards.all.iter().flat_map(|g| g.places());
+        places.any(|a| self.calendar.recent.of(a).back(1).is_some_and(|t| t >= from))
     }
 
     /// Does the present mode slide on all surfaces that the last switches were at? The last of them began it, where the

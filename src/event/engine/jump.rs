@@ -14,6 +14,7 @@ use crate::event::watch::Watch;
 use crate::event::{Jump, Outcome};
 use crate::func::EvalError;
 use crate::stop;
+use crate::system::Effect;
 
 /// How often one transition happens at one time at most, whatever others do in between.
 const MOST: u32 = 1024;
@@ -70,10 +71,19 @@ impl Cascade {
 impl Engine {
     /// The guard of watch `l` vanishes at the present point.
     pub(super) fn jump(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
-        let Watch::Guard { guard, back, .. } = self.functions.watches[l] else {
+        let Watch::Guard { guard, a, back, .. } = self.functions.watches[l] else {
             return Err(Error::Internal("a jump without a guard".into()));
         };
-        let r = if back { self.watch_again(guard) } else { self.jump_inner(l, guard, slope) };
+        let g = &mut self.field.guards.all[guard];
+        g.last = a - g.q;
+        let alone = g.transition.clauses.is_empty();
+        let happens = alone || back || recover(self.becomes_true(guard), false)?;
+        let r = match (back, happens) {
+            (true, _) => self.watch_again(guard),
+            (_, true) => self.jump_inner(l, guard, slope),
+            // another output has to pass zero too
+            _ => self.enter(),
+        };
         if !recover(r.map(|()| true), false)? {
             let text = format!("the system is not defined where transition {guard} happens, or behind it");
             return Ok(self.fail(Outcome::NoContinuation, text));
@@ -85,16 +95,49 @@ impl Engine {
         if self.log.outcome != Outcome::Reached {
             return Ok(Progress::Done);
         }
-        if back {
+        if back || !happens {
             return Ok(Progress::Stepped);
         }
         Ok(self.accumulate()?.unwrap_or(Progress::Switched))
     }
 
-    /// A guard that had passed zero is back.
+    /// A guard that had passed zero is back; of several outputs one is, and what is watched is chosen anew.
     fn watch_again(&mut self, guard: usize) -> std::result::Result<(), EvalError> {
-        self.field.guards.all[guard].spent = false;
+        let g = &mut self.field.guards.all[guard];
+        g.spent = !g.transition.clauses.is_empty();
         self.enter()
+    }
+
+    /// Is the condition of a guard with several outputs true, now that the last one has passed zero?
+    fn becomes_true(&mut self, guard: usize) -> std::result::Result<bool, EvalError> {
+        self.arrive()?;
+        self.functions.q0.copy_from_slice(&self.field.q);
+        self.functions.dq0.copy_from_slice(&self.field.dq);
+        let g = &self.field.guards.all[guard];
+        let (q, n, last) = (g.q, g.n, g.last);
+        let mut known = Vec::with_capacity(n);
+        for l in 0..n {
+            known.push(l == last || self.is_output_beyond(guard, q + l, 1.0)?);
+        }
+        Ok(self.field.guards.is_true(guard, |l| known[l]))
+    }
+
+    /// Is the output of a guard at place `a` beyond zero in its direction, or at zero and on its way?
+    fn is_output_beyond(&mut self, guard: usize, a: usize, toward: f64) -> std::result::Result<bool, EvalError> {
+        Ok(self.is_beyond(&Watch::Guard { guard, a, sign: -toward, back: false })?.is_some())
+    }
+
+    /// Chooses what is watched of guards with several outputs, and passes over what waits for an edge. Values and gradients are those at the
+    /// present point.
+    pub(super) fn choose_outputs(&mut self) -> std::result::Result<(), EvalError> {
+        if self.field.guards.are_plain() {
+            return Ok(());
+        }
+        // to know values nothing of the guards is needed
+        let mut guards = std::mem::take(&mut self.field.guards);
+        let r = guards.choose(|g, l| self.is_output_beyond(usize::MAX, g.q + l, g.transition.direction.sign()));
+        self.field.guards = guards;
+        r
     }
 
     fn jump_inner(&mut self, l: usize, guard: usize, slope: f64) -> std::result::Result<(), EvalError> {
@@ -113,7 +156,7 @@ impl Engine {
         };
         self.differentiate_time(l)?;
         self.functions.zero.fill(false);
-        self.functions.zero[self.field.guards.all[guard].q] = true;
+        self.functions.zero[self.field.guards.all[guard].place()] = true;
         self.remember(self.source(&w), None);
         self.calendar.recent.note_jump();
         self.make(guard, -rate)
@@ -197,7 +240,7 @@ impl Engine {
                 self.part_from(g, log, &mut resets)?;
                 log.1 = self.log.jumps.len();
             }
-            self.note_made(self.field.guards.all[g].q);
+            self.note_made(self.field.guards.all[g].place());
             self.field.reset(g, (self.t, &self.x), recorded, &mut self.derivatives.reset)?;
             if self.derivatives.reset.x.iter().any(|v| !v.is_finite()) {
                 return Err(EvalError::Recoverable);
@@ -219,6 +262,10 @@ impl Engine {
                     simultaneous: false,
                     dt: self.derivatives.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone()),
                 });
+            }
+            if self.field.guards.all[g].transition.rule.effect == Effect::Stop {
+                self.end_at(g);
+                break;
             }
             self.x.copy_from_slice(&self.derivatives.reset.x);
             self.field.arm(&self.x);
@@ -246,9 +293,31 @@ impl Engine {
         for j in &mut self.log.jumps[start..] {
             j.simultaneous = made > 1;
         }
+        if self.log.outcome == Outcome::Event {
+            self.differentiate_end(log, &resets);
+            return Ok(());
+        }
         self.differentiate_resets(log, &resets)?;
         self.log(&before, f64::NAN, None, unique);
         Ok(())
+    }
+
+    /// Transition `g` ends the run.
+    fn end_at(&mut self, g: usize) {
+        let name = &self.field.guards.all[g].transition.rule.name;
+        let text =
+            if name.is_empty() { format!("transition {g} ends the run") } else { format!("'{name}' ends the run") };
+        self.log.stopped_by = Some(g);
+        self.fail(Outcome::Event, text);
+    }
+
+    /// Derivatives of the state where the run ends, whose time moves: behind it nothing does. What is tied to surfaces stays on them.
+    fn differentiate_end(&mut self, log: (usize, usize), resets: &[f64]) {
+        if let Some(tape) = &mut self.derivatives.tape {
+            let n_c = self.derivatives.time_row.len() - 1;
+            let rest = vec![0.0; self.nx];
+            tape.jump(log, &self.derivatives.time_row[..n_c], [&self.f_before, &rest], resets);
+        }
     }
 
     /// Derivatives behind transitions of one time with these resets, whose velocities are that before them and the present one.
@@ -299,17 +368,22 @@ impl Engine {
     fn acts(&mut self, l: usize) -> std::result::Result<Option<(usize, bool)>, EvalError> {
         let w = self.functions.watches[l];
         let Watch::Guard { guard, back: false, .. } = w else { return Ok(None) };
+        Ok(self.is_beyond(&w)?.map(|touches| (guard, touches)))
+    }
+
+    /// Is the guard of a watch beyond zero, or at zero and on its way? And is it at zero?
+    fn is_beyond(&mut self, w: &Watch) -> std::result::Result<Option<bool>, EvalError> {
         let value = w.value(&self.functions.q0, &self.field);
-        if self.is_level(&w, value) {
+        if self.is_level(w, value) {
             // rounding: it has happened, or happens with what vanished here
-            return Ok(w.place().filter(|a| self.is_due(*a)).map(|_| (guard, false)));
+            return Ok(w.place().filter(|a| self.is_due(*a)).map(|_| false));
         }
         let (scale, rate) = w.scale_and_rate(&self.functions.dq0, &self.field, (self.t, &self.x), &self.f);
         let tol = (64.0 * EPS * scale.value).max(8.0 * EPS * rate.abs() * self.t.abs());
         let acts = value < -tol
             // all states are asked how fast they are where a guard is at zero only
-            || value <= tol && rate < -1e-9 * scale.reach * self.field.pace(&self.x, &self.f) && -rate > self.rate_noise(&w)?;
-        Ok(acts.then_some((guard, value >= -tol)))
+            || value <= tol && rate < -1e-9 * scale.reach * self.field.pace(&self.x, &self.f) && -rate > self.rate_noise(w)?;
+        Ok(acts.then_some(value >= -tol))
     }
 
     /// The first transition that acts.

@@ -85,6 +85,7 @@ impl Engine {
             decider: None,
             arbiter: None,
             discrete: system.discrete_states(),
+            known_times: (system.known_times().to_vec(), 0),
             unmade: false,
             interrupt: None,
             polls: Polls { ask: None, next: Instant::now(), to_end: false },
@@ -174,6 +175,7 @@ impl Engine {
                 heard: 0,
                 outcome: Outcome::Reached,
                 reason: String::new(),
+                stopped_by: None,
                 switches: Vec::new(),
                 jumps: Vec::new(),
                 impacts: Vec::new(),
@@ -248,6 +250,7 @@ impl Engine {
         self.calendar.limits = (f64::NEG_INFINITY, 0);
         self.calendar.recent.last = t;
         self.field.guards.reset(x);
+        self.known_times.1 = 0;
         self.functions.levels.fill(0.0);
         self.calendar.crowd = 0;
         self.contact_events.burst = (f64::NEG_INFINITY, 0);
@@ -264,6 +267,7 @@ impl Engine {
         self.functions.touched = None;
         self.log.outcome = Outcome::Reached;
         self.log.reason.clear();
+        self.log.stopped_by = None;
         self.log.switches.clear();
         self.log.jumps.clear();
         self.log.impacts.clear();

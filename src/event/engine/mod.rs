@@ -98,6 +98,8 @@ pub struct Engine {
     arbiter: Option<Arbiter>,
     /// States that only transitions move.
     discrete: Vec<usize>,
+    /// Times at which steps end, see [`System::known_times`](crate::system::System::known_times), and how many of them are behind.
+    known_times: (Vec<(f64, bool)>, usize),
     /// The last call was ended between transitions of one time.
     unmade: bool,
     interrupt: Option<Arc<AtomicBool>>,
@@ -235,6 +237,11 @@ impl Engine {
         &self.log.reason
     }
 
+    /// The transition that ended the run, where one did.
+    pub fn stopped_by(&self) -> Option<usize> {
+        self.log.stopped_by
+    }
+
     /// The switches so far.
     pub fn switches(&self) -> &[Switch] {
         &self.log.switches
@@ -319,6 +326,7 @@ impl Engine {
             one_sided: self.one_sided(),
             sensitivity: self.sensitivity().map(<[f64]>::to_vec),
             reason: std::mem::take(&mut self.log.reason),
+            stopped_by: self.log.stopped_by,
             t: self.t,
             x: self.x.clone(),
             switches: std::mem::take(&mut self.log.switches),
@@ -393,11 +401,46 @@ impl Engine {
     }
 
     fn step_to(&mut self, t_stop: f64) -> Result<Progress> {
-        let progress = self.step_inner(t_stop)?;
+        let mut progress = match self.known_end(t_stop) {
+            None => self.step_inner(t_stop)?,
+            Some((end, at)) => {
+                let progress = self.step_inner(end)?;
+                self.reach_known(end, at);
+                progress
+            }
+        };
+        if progress == Progress::Done && self.t < t_stop && self.log.outcome == Outcome::Reached {
+            // a known time on the way
+            progress = Progress::Stepped;
+        }
         if let Some(tape) = self.derivatives.tape.as_mut().filter(|_| self.t == t_stop) {
             tape.stop(t_stop);
         }
         Ok(progress)
+    }
+
+    /// Where the next step ends at last, if there is a known time before `t_stop`: with what it says.
+    fn known_end(&mut self, t_stop: f64) -> Option<(f64, (f64, bool))> {
+        let (times, behind) = &mut self.known_times;
+        *behind += times[*behind..].iter().take_while(|k| k.0 <= self.t).count();
+        let at = *times.get(*behind).filter(|k| k.0 <= t_stop)?;
+        // a step that ends where something jumps sees what is before
+        Some((if at.1 { at.0.next_down() } else { at.0 }, at))
+    }
+
+    /// The step may have ended at `end`, next to a known time: where something jumps there, everything begins anew behind it.
+    fn reach_known(&mut self, end: f64, (at, jumps): (f64, bool)) {
+        if !jumps || self.t != end || self.log.outcome != Outcome::Reached {
+            return;
+        }
+        self.t = at;
+        self.restart = true;
+        if let Some(p) = &mut self.log.path {
+            p.move_end(at);
+        }
+        if let Some(tape) = &mut self.derivatives.tape {
+            tape.move_end(at);
+        }
     }
 
     fn step_inner(&mut self, t_stop: f64) -> Result<Progress> {

@@ -155,6 +155,8 @@ pub(super) struct Log {
     pub(super) heard: usize,
     pub(super) outcome: Outcome,
     pub(super) reason: String,
+    /// The transition that ended the run.
+    pub(super) stopped_by: Option<usize>,
     pub(super) switches: Vec<Switch>,
     pub(super) jumps: Vec<Jump>,
     pub(super) impacts: Vec<Impact>,

@@ -287,6 +287,7 @@ impl Engine {
         self.stepper.alpha_start.clear();
         self.stepper.alpha_start.extend_from_slice(&self.field.alpha[..self.field.n_alg()]);
         self.field.find_carried(&self.x);
+        self.choose_outputs()?;
         watch::list(&self.field, &mut self.functions.watches);
         self.functions.looked.clear();
         self.functions.looked.extend(0..self.functions.watches.len());

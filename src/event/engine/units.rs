@@ -195,7 +195,7 @@ impl Engine {
         true
     }
 
-    /// Makes one transition; the guards that may hold behind it are asked. False where its reset is not defined.
+    /// Makes one transition; the guards that may hold behind it are asked. False where its reset is not defined, or one of these is not plain.
     fn make_one(&mut self, c: &mut UnitEvents, g: usize, t: f64, rate: f64) -> bool {
         for &i in c.depends.of_reset.of(g) {
             self.field.set_state_of_parts(i as usize, c.value(&self.stepper.step, i as usize, t));
@@ -232,7 +232,11 @@ impl Engine {
                 c.ask(c.depends.watching.of(i)[m] as usize);
             }
             for m in 0..c.depends.asking.of(i).len() {
-                c.ask(self.field.guards.all[c.depends.asking.of(i)[m] as usize].q);
+                let asks = &self.field.guards.all[c.depends.asking.of(i)[m] as usize];
+                if !asks.transition.is_plain() {
+                    return false;
+                }
+                c.ask(asks.q);
             }
         }
         c.ask(self.field.guards.all[g].q);

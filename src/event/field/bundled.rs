@@ -65,7 +65,8 @@ impl Bundled {
         parts.extend(subs.iter().map(|s| (s.indicators.as_ref(), 0..s.n_q)));
         let first_guard = parts.len();
         let mut all = parts.clone();
-        all.extend(guards.all.iter().map(|g| (g.transition.guard.as_ref(), 0..1)));
+        // notes are not watched
+        all.extend(guards.all.iter().filter(|g| g.n > 0).map(|g| (g.transition.guard.as_ref(), 0..g.n)));
         let mut resets = Vec::with_capacity(guards.all.len());
         for g in &guards.all {
             resets.push(g.transition.reset.as_ref().map(|_| all.len()));
@@ -106,7 +107,7 @@ impl Bundled {
         b.list_drifts(singles, drifts);
         let mut all = subs.iter().enumerate().map(|(k, s)| (indicators + k, s.q0));
         b.program.list(&mut all, &mut b.indicators);
-        let known = guards.all.iter().enumerate().filter(|_| with_transitions);
+        let known = guards.all.iter().filter(|g| g.n > 0).enumerate().filter(|_| with_transitions);
         let mut all = known.map(|(i, g)| (first_guard + i, g.q));
         b.program.list(&mut all, &mut b.guards);
         Some(b)

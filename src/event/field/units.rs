@@ -81,7 +81,7 @@ impl Field {
         let number = |i: usize| i as u32;
         let reads =
             || (0..nx).flat_map(|i| self.fixed.inputs(i).filter(move |c| *c < nx && *c != i).map(move |c| (i, c)));
-        let n_q = self.subs.last().map_or(0, |s| s.q0 + s.n_q) + self.guards.all.len();
+        let n_q = self.subs.last().map_or(0, |s| s.q0 + s.n_q) + self.guards.n_outputs();
         let watched =
             (0..n_q).flat_map(|q| self.gradients.entries(q).1.iter().filter(|c| **c < nx).map(move |c| (*c, q)));
         let asked = |(g, t): (usize, &super::super::guard::Guard)| -> Vec<(u32, u32)> {
@@ -102,7 +102,8 @@ impl Field {
                 owner[s.q0] = Owner::Surface(k);
             }
         }
-        self.guards.all.iter().enumerate().filter(|g| g.1.affine).for_each(|(i, g)| owner[g.q] = Owner::Guard(i));
+        let plain = |g: &(usize, &super::super::guard::Guard)| g.1.affine && g.1.transition.is_plain();
+        self.guards.all.iter().enumerate().filter(plain).for_each(|(i, g)| owner[g.q] = Owner::Guard(i));
         let pairs = |all: &mut dyn Iterator<Item = (usize, usize)>| all.map(|(a, b)| (number(a), number(b))).collect();
         Some(Depends {
             reads: Lists::new(nx, pairs(&mut reads())),

@@ -267,7 +267,7 @@ mod tests {
     use crate::ocp::terms::combination;
     use crate::search::{Limits, Space};
     use crate::settings::Settings;
-    use crate::system::{Direction, SharedFunction, System, Transition};
+    use crate::system::{Direction, Rule, SharedFunction, System, Transition};
     use std::sync::Arc;
 
     /// Distance, speed and the turbo: its states, control and time.
@@ -313,7 +313,16 @@ mod tests {
         s.set_f0(Arc::new(motion(factor))).unwrap();
         for (limit, direction, from) in [(on, Direction::Rising, 0.0), (off, Direction::Falling, 1.0)] {
             let (from, to) = (vec![(2, from)], vec![(2, 1.0 - from)]);
-            s.add_transition(Transition { guard: above(limit), direction, from, reset: None, to }).unwrap();
+            s.add_transition(Transition {
+                guard: above(limit),
+                direction,
+                from,
+                reset: None,
+                to,
+                rule: Rule::default(),
+                clauses: vec![],
+            })
+            .unwrap();
         }
         let mut o = Ocp::new(&s, 10.0, n, &Settings { n_fe: 1, ..Settings::default() }).unwrap();
         o.set_x0(&[0.0; 3]).unwrap();
