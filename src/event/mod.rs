@@ -229,6 +229,29 @@ impl Jump {
 }
 
 /// Causes of impacts.
+/// What a transition of the effect [`Effect::Note`](crate::system::Effect::Note) wrote down.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Noted {
+    /// Time.
+    pub t: f64,
+    /// The transition, in the order they were added to the system.
+    pub transition: usize,
+    /// State there; behind a jump where that has made the condition true.
+    pub x: Vec<f64>,
+    /// Rate at which the guard passes zero, positive in its direction; NaN where a jump has made the condition true.
+    pub rate: f64,
+    /// Derivatives of the time with respect to initial state, parameters and controls, if they are asked for; NaN in an implicit step.
+    pub dt: Vec<f64>,
+}
+
+impl Noted {
+    /// Bytes of one in a log, about.
+    fn bytes(nx: usize) -> usize {
+        size_of::<Noted>() + nx * size_of::<f64>()
+    }
+}
+
+/// What brought an impact about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 #[non_exhaustive]
@@ -390,6 +413,8 @@ pub struct Statistics {
     pub jumps: usize,
     /// Impacts, each contact for itself.
     pub impacts: usize,
+    /// What transitions noted.
+    pub notes: usize,
     /// Points at which switches accumulate.
     pub accumulations: usize,
 }
@@ -411,6 +436,8 @@ pub struct Run {
     pub switches: Vec<Switch>,
     /// The transitions in the order they were made.
     pub jumps: Vec<Jump>,
+    /// What transitions noted in the order of time; as many as switches at most.
+    pub notes: Vec<Noted>,
     /// The impacts in the order they happened, one entry for every contact with an impulse.
     pub impacts: Vec<Impact>,
     /// Contact modes of a scene as they followed each other; as many as switches at most.
@@ -464,6 +491,7 @@ impl Run {
     pub fn bytes(&self) -> usize {
         let path = self.path.as_ref().map_or(0, Path::bytes);
         let jumps = self.jumps.len() * Jump::bytes(self.x.len());
+        let notes = self.notes.len() * Noted::bytes(self.x.len());
         let impacts = self.impacts.len() * size_of::<Impact>();
         let phases = self
             .phases
@@ -472,6 +500,7 @@ impl Run {
             .sum::<usize>();
         path + jumps
             + impacts
+            + notes
             + phases
             + self.switches.len() * size_of::<Switch>()
             + 8 * self.sensitivity.as_ref().map_or(0, Vec::len)

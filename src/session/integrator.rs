@@ -438,6 +438,7 @@ impl Integrator {
             x: engine.state().to_vec(),
             switches: engine.switches().to_vec(),
             jumps: engine.jumps().to_vec(),
+            notes: engine.notes().to_vec(),
             impacts: engine.impacts().to_vec(),
             phases: engine.phases().to_vec(),
             mechanics: engine.mechanics(),

@@ -61,6 +61,8 @@ pub enum swb_operator {
     Tanh = 12,
     /// Error function.
     Erf = 13,
+    /// The largest whole number that is not larger: in resets of transitions, and nowhere else.
+    Floor = 14,
     /// a + b
     Add = 20,
     /// a - b
@@ -592,7 +594,7 @@ mod tests {
                 [$(Operator::$name),*]
             }};
         }
-        let all = same!(Neg Sqrt Exp Log Sin Cos Tan Asin Acos Atan Sinh Cosh Tanh Erf Add Sub Mul Div Pow Atan2
+        let all = same!(Neg Sqrt Exp Log Sin Cos Tan Asin Acos Atan Sinh Cosh Tanh Erf Floor Add Sub Mul Div Pow Atan2
             Positive Not And Or Where Sign Abs Min Max Clip Relay DeadZone);
         assert_eq!(all, Operator::ALL);
     }

@@ -1,18 +1,19 @@
 //! Transitions and discrete states of models: guards and resets are expressions.
 
 use std::ffi::c_char;
+use std::ptr;
 
 use super::expr::{swb_expr, swb_model};
 use super::guard::guard;
 use super::handle::{self, setting};
 use super::raw;
 use super::status::swb_status;
-use super::transition::{direction_of, values_of};
+use super::transition::{direction_of, rule_of, values_of};
 use switchback::error::{Error, Result};
 use switchback::expr::Id;
 use switchback::memory::sizes::size;
 use switchback::model::{Built, Transition};
-use switchback::system::{Direction, Rule};
+use switchback::system::{Direction, Effect, Trigger};
 
 /// Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
 /// transitions change them. Reports name them and documents keep the values; simulations start where they are told to. Names of
@@ -78,7 +79,7 @@ pub unsafe extern "C" fn swb_model_get_value_names(
 /// Add a transition to a model, and thereby to all systems made of it later; see swb_system_add_transition.
 ///
 /// @param[in]  graph         the graph the model was made of
-/// @param[in]  guard         an expression
+/// @param[in]  guard         an expression, or a condition: joined of comparisons, it becomes true (rising) or false (falling)
 /// @param[in]  direction     enum swb_direction
 /// @param[in]  from_states   [n_from_states] discrete states that must have the values
 /// @param[in]  from_values   [n_from_values] for the transition to be watched; none: always
@@ -87,7 +88,7 @@ pub unsafe extern "C" fn swb_model_get_value_names(
 /// @param[in]  to_states     [n_to_states] discrete states that get the values
 /// @param[in]  to_values     [n_to_values] behind the reset
 /// @param[out] index         number of the transition; may be NULL
-/// @return as swb_system_add_transition; SWB_ERR_RANGE for conditions and for guards and resets that switch
+/// @return as swb_system_add_transition; SWB_ERR_RANGE for resets that are conditions; SWB_ERR_UNSUPPORTED for guards that switch
 #[no_mangle]
 pub unsafe extern "C" fn swb_model_add_transition(
     model: *mut swb_model,
@@ -108,7 +109,74 @@ pub unsafe extern "C" fn swb_model_add_transition(
     n_to_values: i64,
     index: *mut i64,
 ) -> swb_status {
+    let (jump, level) = (Effect::Jump as i32, Trigger::Level as i32);
+    unsafe {
+        swb_model_add_event(
+            model,
+            graph,
+            ptr::null(),
+            jump,
+            level,
+            guard,
+            direction,
+            from_states,
+            n_from_states,
+            from_values,
+            n_from_values,
+            reset_states,
+            n_reset_states,
+            resets,
+            n_resets,
+            to_states,
+            n_to_states,
+            to_values,
+            n_to_values,
+            index,
+        )
+    }
+}
+
+/// Add a transition with a name, an effect and a trigger to a model; the rest is that of swb_model_add_transition. See swb_system_add_event.
+///
+/// @param[in]  graph         the graph the model was made of
+/// @param[in]  name          in results and reports, one line; NULL or "" for none
+/// @param[in]  effect        enum swb_effect
+/// @param[in]  trigger       enum swb_trigger
+/// @param[in]  guard         an expression or a condition
+/// @param[in]  direction     enum swb_direction
+/// @param[in]  from_states   [n_from_states] discrete states that must have the values
+/// @param[in]  from_values   [n_from_values] for the transition to be watched; none: always
+/// @param[in]  reset_states  [n_reset_states] states that become what
+/// @param[in]  resets        [n_resets] these expressions of the state before say, which may switch and jump
+/// @param[in]  to_states     [n_to_states] discrete states that get the values
+/// @param[in]  to_values     [n_to_values] behind the reset
+/// @param[out] index         number of the transition; may be NULL
+/// @return as swb_system_add_event; SWB_ERR_RANGE for resets that are conditions; SWB_ERR_UNSUPPORTED for guards that switch
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_add_event(
+    model: *mut swb_model,
+    graph: *mut swb_expr,
+    name: *const c_char,
+    effect: i32,
+    trigger: i32,
+    guard: i64,
+    direction: i32,
+    from_states: *const i64,
+    n_from_states: i64,
+    from_values: *const f64,
+    n_from_values: i64,
+    reset_states: *const i64,
+    n_reset_states: i64,
+    resets: *const i64,
+    n_resets: i64,
+    to_states: *const i64,
+    n_to_states: i64,
+    to_values: *const f64,
+    n_to_values: i64,
+    index: *mut i64,
+) -> swb_status {
     self::setting(model, || unsafe {
+        let rule = rule_of(name, effect, trigger)?;
         let direction = direction_of(direction)?;
         let from = values_of((from_states, n_from_states), (from_values, n_from_values), "from")?;
         let to = values_of((to_states, n_to_states), (to_values, n_to_values), "to")?;
@@ -128,11 +196,39 @@ pub unsafe extern "C" fn swb_model_add_transition(
             let guard = dag.id(place(guard, "guard")?)?;
             let one = |(&s, &id)| Ok((place(s, "reset_states")?, dag.id(place(id, "resets")?)?));
             let reset = states.iter().zip(ids).map(one).collect::<Result<Vec<(usize, Id)>>>()?;
-            let t = Transition { guard, direction, from, reset, to, rule: Rule::default() };
+            let t = Transition { guard, direction, from, reset, to, rule };
             handle::with_mut(model, |m| m.add_transition(dag, t))
         })?;
         raw::write_optional(index, k as i64);
         Ok(())
+    })
+}
+
+/// Effect, trigger and name of a transition of a model.
+///
+/// @param[in]  index   of the transition, from 0
+/// @param[out] effect  enum swb_effect; may be NULL
+/// @param[out] trigger enum swb_trigger; may be NULL
+/// @param[out] buf     [len] the name with its final NUL; NULL with len 0 to ask for the length
+/// @param[out] needed  length with the final NUL; may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition, or the buffer is too short
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_get_rule(
+    model: *const swb_model,
+    index: i64,
+    effect: *mut i32,
+    trigger: *mut i32,
+    buf: *mut c_char,
+    len: i64,
+    needed: *mut i64,
+) -> swb_status {
+    self::guard(|| unsafe {
+        handle::with_ref(model, |m| {
+            let rule = &transition(m, index)?.rule;
+            raw::write_optional(effect, rule.effect as i32);
+            raw::write_optional(trigger, rule.trigger as i32);
+            raw::write_text(rule.name.as_bytes(), buf, len, needed)
+        })
     })
 }
 

@@ -37,6 +37,8 @@ pub enum swb_run_outcome {
     Ambiguous = 4,
     /// No active set continues the solution.
     NoContinuation = 5,
+    /// A transition of the effect SWB_EFFECT_STOP happened: the run has ended where it was to.
+    Event = 6,
     /// A callback or an interrupt asked to stop; the next call goes on.
     Stopped = 100,
 }
@@ -48,6 +50,7 @@ const OUTCOMES: &[(Option<Outcome>, swb_run_outcome, &CStr)] = &[
     (Some(Outcome::Zeno), swb_run_outcome::Zeno, c"zeno"),
     (Some(Outcome::Ambiguous), swb_run_outcome::Ambiguous, c"ambiguous"),
     (Some(Outcome::NoContinuation), swb_run_outcome::NoContinuation, c"no_continuation"),
+    (Some(Outcome::Event), swb_run_outcome::Event, c"event"),
     (None, swb_run_outcome::Stopped, c"stopped"),
 ];
 
@@ -161,6 +164,8 @@ pub struct swb_run_stats {
     pub jumps: i64,
     /// Impacts, each contact for itself.
     pub impacts: i64,
+    /// What transitions noted, that beyond the option max_switches included.
+    pub notes: i64,
 }
 unsafe impl Sized8 for swb_run_stats {}
 
@@ -180,6 +185,7 @@ impl swb_run_stats {
             time_total: seconds,
             jumps: s.jumps as i64,
             impacts: s.impacts as i64,
+            notes: s.notes as i64,
         }
     }
 }
@@ -223,6 +229,10 @@ pub struct swb_run_info {
     pub n_scene_contacts: i64,
     /// 1 if contacts of the scene were redundant at some time: the motion is unique, the forces are those of least norm.
     pub redundant: i64,
+    /// What transitions noted, see swb_run_notes.
+    pub n_notes: i64,
+    /// The transition that ended the run, from 0; -1 if none did.
+    pub stopped_by: i64,
 }
 unsafe impl Sized8 for swb_run_info {}
 
@@ -340,6 +350,8 @@ pub unsafe extern "C" fn swb_run_get_info(
                 n_impacts: r.run.impacts.len() as i64,
                 redundant: r.run.phases.iter().any(|p| p.redundant).into(),
                 n_scene_contacts: r.run.mechanics.as_ref().map_or(0, |m| m.contacts.len()) as i64,
+                n_notes: r.run.notes.len() as i64,
+                stopped_by: r.run.stopped_by.map_or(-1, |k| k as i64),
             };
             write_sized(&value, info, struct_size, "info")
         })

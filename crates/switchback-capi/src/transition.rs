@@ -1,5 +1,7 @@
 //! Transitions: of a system, and in the result of a simulation.
 
+use std::ffi::c_char;
+
 use super::function::{shared, swb_function};
 use super::guard::guard;
 use super::handle::{self, setting};
@@ -9,9 +11,9 @@ use super::run::{need_derivatives, swb_run, write_structs};
 use super::status::swb_status;
 use super::system::swb_system;
 use switchback::error::{Error, Result};
-use switchback::event::Jump;
+use switchback::event::{Jump, Noted};
 use switchback::session::Record;
-use switchback::system::{Direction, Rule, Transition};
+use switchback::system::{Direction, Effect, Rule, Transition, Trigger};
 
 /// The direction in which the guard of a transition passes zero.
 #[repr(i32)]
@@ -21,6 +23,28 @@ pub enum swb_direction {
     Rising = 0,
     /// From above: the transition happens where the guard becomes negative.
     Falling = 1,
+}
+
+/// What happens where the condition of a transition becomes true.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_effect {
+    /// The state jumps.
+    Jump = 0,
+    /// Time and state are written down; no step ends for that.
+    Note = 1,
+    /// The run ends there.
+    Stop = 2,
+}
+
+/// Does a transition happen where its condition is true, or where it becomes true?
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_trigger {
+    /// Where it is true: at once when its discrete states begin, if it is true then.
+    Level = 0,
+    /// Where it becomes true: what is true when its discrete states begin has to be false before. All that note or stop have this one.
+    Edge = 1,
 }
 
 /// Discrete states and their values.
@@ -97,6 +121,159 @@ pub unsafe extern "C" fn swb_system_add_transition(
         let k = handle::with_mut(system, |s| s.add_transition(transition))?;
         raw::write_optional(index, k as i64);
         Ok(())
+    })
+}
+
+/// Add a transition with a name, an effect and a trigger; the rest is that of swb_system_add_transition.
+///
+/// What notes or stops changes nothing: it has neither reset nor `to`. Where the run ends, derivatives are those of the last state with the time
+/// of its end.
+///
+/// @param[in]  name        in results and reports, one line; NULL or "" for none
+/// @param[in]  effect      enum swb_effect
+/// @param[in]  trigger     enum swb_trigger
+/// @param[in]  guard       one output
+/// @param[in]  direction   enum swb_direction
+/// @param[in]  from_states [n_from_states] discrete states that must have the values
+/// @param[in]  from_values [n_from_values] for the transition to be watched; none: always
+/// @param[in]  reset       nx outputs, the state behind the transition; NULL: the state before it
+/// @param[in]  to_states   [n_to_states] discrete states that get the values
+/// @param[in]  to_values   [n_to_values] behind the reset
+/// @param[out] index       number of the transition; may be NULL
+/// @return as swb_system_add_transition; SWB_ERR_RANGE for unknown effects and triggers and for a name that is there already; SWB_ERR_STATE if
+///         what notes or stops changes the state, or has the trigger level
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_add_event(
+    system: *mut swb_system,
+    name: *const c_char,
+    effect: i32,
+    trigger: i32,
+    guard: *const swb_function,
+    direction: i32,
+    from_states: *const i64,
+    n_from_states: i64,
+    from_values: *const f64,
+    n_from_values: i64,
+    reset: *const swb_function,
+    to_states: *const i64,
+    n_to_states: i64,
+    to_values: *const f64,
+    n_to_values: i64,
+    index: *mut i64,
+) -> swb_status {
+    self::setting(system, || unsafe {
+        let transition = Transition {
+            guard: shared(guard, "guard")?,
+            clauses: Vec::new(),
+            direction: direction_of(direction)?,
+            from: values_of((from_states, n_from_states), (from_values, n_from_values), "from")?,
+            reset: if reset.is_null() { None } else { Some(shared(reset, "reset")?.into()) },
+            to: values_of((to_states, n_to_states), (to_values, n_to_values), "to")?,
+            rule: rule_of(name, effect, trigger)?,
+        };
+        let k = handle::with_mut(system, |s| s.add_transition(transition))?;
+        raw::write_optional(index, k as i64);
+        Ok(())
+    })
+}
+
+/// Name, effect and trigger as they are given.
+pub(super) unsafe fn rule_of(name: *const c_char, effect: i32, trigger: i32) -> Result<Rule> {
+    let name = if name.is_null() { "" } else { unsafe { raw::text(name, "name")? } };
+    Ok(Rule { name: name.to_owned(), effect: Effect::from_number(effect)?, trigger: Trigger::from_number(trigger)? })
+}
+
+/// Add times at which functions of a system are not smooth, such as the knots of a table of time. Event-driven simulation ends its steps there, and
+/// begins anew where the right-hand side jumps. Tables in models say these times themselves.
+///
+/// @param[in] t     [n_t] in any order
+/// @param[in] jumps [n_jumps] as many: 1 where the right-hand side jumps, else 0
+/// @return SWB_OK; SWB_ERR_DIMENSION if the lengths differ; SWB_ERR_RANGE for times that are not finite
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_add_known_times(
+    system: *mut swb_system,
+    t: *const f64,
+    n_t: i64,
+    jumps: *const i32,
+    n_jumps: i64,
+) -> swb_status {
+    self::setting(system, || unsafe {
+        let (t, jumps) = (raw::slice(t, n_t, "t")?, raw::slice(jumps, n_jumps, "jumps")?);
+        if t.len() != jumps.len() {
+            return Err(Error::Dimension(format!(
+                "there are {} times and {} jumps: give one for each",
+                t.len(),
+                jumps.len()
+            )));
+        }
+        let times: Vec<(f64, bool)> = t.iter().zip(jumps).map(|(t, j)| (*t, *j != 0)).collect();
+        handle::with_mut(system, |s| s.add_known_times(&times))
+    })
+}
+
+/// What a transition of the effect SWB_EFFECT_NOTE wrote down.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+pub struct swb_note {
+    /// Size of this struct in bytes.
+    pub struct_size: u64,
+    /// Time.
+    pub t: f64,
+    /// The transition, in the order they were added to the system.
+    pub transition: i64,
+    /// Rate at which the guard passes zero, positive in its direction; NaN where a jump of the state has made the condition true.
+    pub rate: f64,
+}
+unsafe impl Sized8 for swb_note {}
+
+/// What was noted in the order of time; the number is n_notes of swb_run_info.
+///
+/// @param[out] notes       [n] n_notes
+/// @param[in]  struct_size sizeof(swb_note)
+/// @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+#[no_mangle]
+pub unsafe extern "C" fn swb_run_notes(
+    run: *const swb_run,
+    notes: *mut swb_note,
+    n: i64,
+    struct_size: u64,
+) -> swb_status {
+    self::guard(|| unsafe {
+        handle::with_ref(run, |r| {
+            let of = |n: &Noted| swb_note { struct_size: 0, t: n.t, transition: n.transition as i64, rate: n.rate };
+            write_structs(&r.run.notes, of, notes, n, struct_size, "notes")
+        })
+    })
+}
+
+fn noted(r: &Record, index: i64) -> Result<&Noted> {
+    let all = &r.run.notes;
+    let found = usize::try_from(index).ok().and_then(|i| all.get(i));
+    found.ok_or_else(|| Error::Dimension(format!("there is no note {index}, the run has {}", all.len())))
+}
+
+/// The state at a note.
+///
+/// @param[in]  index its place in swb_run_notes, from 0
+/// @param[out] x     [n] nx
+/// @return SWB_OK; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_run_note_state(run: *const swb_run, index: i64, x: *mut f64, n: i64) -> swb_status {
+    self::guard(|| unsafe { handle::with_ref(run, |r| raw::write_slice(x, n, &noted(r, index)?.x, "x")) })
+}
+
+/// Derivatives of the time of a note with respect to initial states, parameters and controls; NaN in an implicit step.
+///
+/// @param[in]  index its place in swb_run_notes, from 0
+/// @param[out] dt    [n] n_columns
+/// @return as swb_run_sensitivity
+#[no_mangle]
+pub unsafe extern "C" fn swb_run_note_sensitivity(run: *const swb_run, index: i64, dt: *mut f64, n: i64) -> swb_status {
+    self::guard(|| unsafe {
+        handle::with_ref(run, |r| {
+            need_derivatives(r.run.sensitivity.as_ref())?;
+            raw::write_slice(dt, n, &noted(r, index)?.dt, "dt")
+        })
     })
 }
 

@@ -221,7 +221,7 @@ impl Engine {
         self.functions.w1[..self.functions.watches.len()].fill(f64::NAN);
         self.accept(t)?;
         // derivatives evaluate the field elsewhere
-        self.known_end = self.derivatives.sens.is_none();
+        self.known_end = self.derivatives.sens.is_none() && self.notes.is_none();
         let grown = if self.note_end(true) { grown.min(self.stepper.step.h) } else { grown };
         self.switch(l, slope, grown).map(Some)
     }

@@ -7,6 +7,7 @@ use super::chatter::Window;
 use super::contact::SceneRoom;
 use super::control::{Cut, FirstStep, Pace};
 use super::limit_set::Shrinking;
+use super::notes::Notes;
 use super::parts::{Calendar, ContactEvents, Derivatives, EventFunctions, Log, Stepper};
 use super::record::Sampled;
 use super::{Engine, Polls, EPS};
@@ -86,6 +87,7 @@ impl Engine {
             arbiter: None,
             discrete: system.discrete_states(),
             known_times: (system.known_times().to_vec(), 0),
+            notes: Notes::new(system),
             unmade: false,
             interrupt: None,
             polls: Polls { ask: None, next: Instant::now(), to_end: false },
@@ -178,6 +180,7 @@ impl Engine {
                 stopped_by: None,
                 switches: Vec::new(),
                 jumps: Vec::new(),
+                notes: Vec::new(),
                 impacts: Vec::new(),
                 branchings: Vec::new(),
                 contacts: Vec::new(),
@@ -251,6 +254,9 @@ impl Engine {
         self.calendar.recent.last = t;
         self.field.guards.reset(x);
         self.known_times.1 = 0;
+        if let Some(n) = &mut self.notes {
+            n.reset();
+        }
         self.functions.levels.fill(0.0);
         self.calendar.crowd = 0;
         self.contact_events.burst = (f64::NEG_INFINITY, 0);
@@ -270,6 +276,7 @@ impl Engine {
         self.log.stopped_by = None;
         self.log.switches.clear();
         self.log.jumps.clear();
+        self.log.notes.clear();
         self.log.impacts.clear();
         self.contact_events.phases.clear();
         self.log.branchings.clear();

@@ -13,6 +13,7 @@ mod jump;
 mod limit_set;
 mod locate;
 mod made;
+mod notes;
 mod order;
 mod parts;
 mod record;
@@ -28,6 +29,7 @@ use std::time::{Duration, Instant};
 
 use self::control::{Beyond, Cut, Tried};
 use self::limit_set::Origin;
+use self::notes::Notes;
 use self::parts::{Calendar, ContactEvents, Derivatives, EventFunctions, Log, Stepper};
 use self::search::Found;
 use super::explicit::Pair;
@@ -35,7 +37,7 @@ use super::field::{Apart, Field};
 use super::path::Path;
 use super::sets;
 use super::{Accumulation, Arbiter, Branching, Contact, Decider};
-use super::{Impact, Jump, Method, Options, Outcome, Phase, Run, Statistics, Switch};
+use super::{Impact, Jump, Method, Noted, Options, Outcome, Phase, Run, Statistics, Switch};
 use crate::error::{finite, Error, Result};
 use crate::func::{trouble, EvalError};
 use crate::memory;
@@ -100,6 +102,8 @@ pub struct Engine {
     discrete: Vec<usize>,
     /// Times at which steps end, see [`System::known_times`](crate::system::System::known_times), and how many of them are behind.
     known_times: (Vec<(f64, bool)>, usize),
+    /// Transitions that note.
+    notes: Option<Box<Notes>>,
     /// The last call was ended between transitions of one time.
     unmade: bool,
     interrupt: Option<Arc<AtomicBool>>,
@@ -252,6 +256,11 @@ impl Engine {
         &self.log.jumps
     }
 
+    /// What transitions noted so far.
+    pub fn notes(&self) -> &[Noted] {
+        &self.log.notes
+    }
+
     /// The impacts so far.
     pub fn impacts(&self) -> &[Impact] {
         &self.log.impacts
@@ -331,6 +340,7 @@ impl Engine {
             x: self.x.clone(),
             switches: std::mem::take(&mut self.log.switches),
             jumps: std::mem::take(&mut self.log.jumps),
+            notes: std::mem::take(&mut self.log.notes),
             impacts: std::mem::take(&mut self.log.impacts),
             phases: std::mem::take(&mut self.contact_events.phases),
             mechanics: self.mechanics(),
@@ -361,7 +371,11 @@ impl Engine {
         if self.log.jumps.len() >= LONG_LOG {
             memory::reserve(&mut self.log.jumps, SWITCHES)?;
         }
+        if self.log.notes.len() >= LONG_LOG {
+            memory::reserve(&mut self.log.notes, SWITCHES)?;
+        }
         let mut bytes = self.log.switches.len() * size_of::<Switch>() + self.log.jumps.len() * Jump::bytes(self.nx);
+        bytes += self.log.notes.len() * Noted::bytes(self.nx);
         if let Some(p) = &mut self.log.path {
             p.room()?;
             bytes += p.bytes();
@@ -663,6 +677,9 @@ impl Engine {
 
     /// Takes the step over.
     fn accept(&mut self, t1: f64) -> Result<()> {
+        if self.notes.is_some() {
+            self.note_events(t1)?;
+        }
         if self.log.path.is_some() || self.log.sampled.are_wanted(t1) {
             self.save_dense()?;
             self.note_piece(t1);

@@ -17,7 +17,7 @@ use crate::event::sens::Sens;
 use crate::event::step::Step;
 use crate::event::tape::Tape;
 use crate::event::watch::Watch;
-use crate::event::{Accumulation, Branching, Contact, Impact, Jump, Outcome, Phase, Statistics, Switch};
+use crate::event::{Accumulation, Branching, Contact, Impact, Jump, Noted, Outcome, Phase, Statistics, Switch};
 
 /// How the state is moved: the method, its steps, their length.
 pub(super) struct Stepper {
@@ -159,6 +159,7 @@ pub(super) struct Log {
     pub(super) stopped_by: Option<usize>,
     pub(super) switches: Vec<Switch>,
     pub(super) jumps: Vec<Jump>,
+    pub(super) notes: Vec<Noted>,
     pub(super) impacts: Vec<Impact>,
     pub(super) branchings: Vec<Branching>,
     pub(super) contacts: Vec<Contact>,

@@ -41,6 +41,7 @@ impl Engine {
             && !self.stepper.step_implicit
             && self.derivatives.sens.is_none()
             && self.derivatives.tape.is_none()
+            && self.notes.is_none()
             && !self.field.in_limit_set()
             && self.field.constant_gradients()
     }
