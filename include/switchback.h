@@ -1249,6 +1249,10 @@ enum swb_operator
      */
     SWB_OPERATOR_ERF = 13,
     /**
+     * The largest whole number that is not larger: in resets of transitions, and nowhere else.
+     */
+    SWB_OPERATOR_FLOOR = 14,
+    /**
      * a + b
      */
     SWB_OPERATOR_ADD = 20,
@@ -1392,6 +1396,10 @@ enum swb_run_outcome
      * No active set continues the solution.
      */
     SWB_RUN_OUTCOME_NO_CONTINUATION = 5,
+    /**
+     * A transition of the effect SWB_EFFECT_STOP happened: the run has ended where it was to.
+     */
+    SWB_RUN_OUTCOME_EVENT = 6,
     /**
      * A callback or an interrupt asked to stop; the next call goes on.
      */
@@ -2977,6 +2985,14 @@ typedef struct swb_run_info {
      * 1 if contacts of the scene were redundant at some time: the motion is unique, the forces are those of least norm.
      */
     int64_t redundant;
+    /**
+     * What transitions noted, see swb_run_notes.
+     */
+    int64_t n_notes;
+    /**
+     * The transition that ended the run, from 0; -1 if none did.
+     */
+    int64_t stopped_by;
 } swb_run_info;
 
 /**
@@ -3035,6 +3051,10 @@ typedef struct swb_run_stats {
      * Impacts, each contact for itself.
      */
     int64_t impacts;
+    /**
+     * What transitions noted, that beyond the option max_switches included.
+     */
+    int64_t notes;
 } swb_run_stats;
 
 /**
@@ -3158,6 +3178,28 @@ typedef struct swb_accumulation {
      */
     double error;
 } swb_accumulation;
+
+/**
+ * What a transition of the effect SWB_EFFECT_NOTE wrote down.
+ */
+typedef struct swb_note {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Time.
+     */
+    double t;
+    /**
+     * The transition, in the order they were added to the system.
+     */
+    int64_t transition;
+    /**
+     * Rate at which the guard passes zero, positive in its direction; NaN where a jump of the state has made the condition true.
+     */
+    double rate;
+} swb_note;
 
 /**
  * A transition that was made.
@@ -5618,6 +5660,98 @@ swb_status swb_system_add_transition(struct swb_system *system,
                                      int64_t *index);
 
 /**
+ * Add a transition with a name, an effect and a trigger; the rest is that of swb_system_add_transition.
+ *
+ * What notes or stops changes nothing: it has neither reset nor `to`. Where the run ends, derivatives are those of the last state with the time
+ * of its end.
+ *
+ * @param[in]  name        in results and reports, one line; NULL or "" for none
+ * @param[in]  effect      enum swb_effect
+ * @param[in]  trigger     enum swb_trigger
+ * @param[in]  guard       one output
+ * @param[in]  direction   enum swb_direction
+ * @param[in]  from_states [n_from_states] discrete states that must have the values
+ * @param[in]  from_values [n_from_values] for the transition to be watched; none: always
+ * @param[in]  reset       nx outputs, the state behind the transition; NULL: the state before it
+ * @param[in]  to_states   [n_to_states] discrete states that get the values
+ * @param[in]  to_values   [n_to_values] behind the reset
+ * @param[out] index       number of the transition; may be NULL
+ * @return as swb_system_add_transition; SWB_ERR_RANGE for unknown effects and triggers and for a name that is there already; SWB_ERR_STATE if
+ *         what notes or stops changes the state, or has the trigger level
+ */
+SWB_API
+swb_status swb_system_add_event(struct swb_system *system,
+                                const char *name,
+                                int32_t effect,
+                                int32_t trigger,
+                                const struct swb_function *guard,
+                                int32_t direction,
+                                const int64_t *from_states,
+                                int64_t n_from_states,
+                                const double *from_values,
+                                int64_t n_from_values,
+                                const struct swb_function *reset,
+                                const int64_t *to_states,
+                                int64_t n_to_states,
+                                const double *to_values,
+                                int64_t n_to_values,
+                                int64_t *index);
+
+/**
+ * Add times at which functions of a system are not smooth, such as the knots of a table of time. Event-driven simulation ends its steps there, and
+ * begins anew where the right-hand side jumps. Tables in models say these times themselves.
+ *
+ * @param[in] t     [n_t] in any order
+ * @param[in] jumps [n_jumps] as many: 1 where the right-hand side jumps, else 0
+ * @return SWB_OK; SWB_ERR_DIMENSION if the lengths differ; SWB_ERR_RANGE for times that are not finite
+ */
+SWB_API
+swb_status swb_system_add_known_times(struct swb_system *system,
+                                      const double *t,
+                                      int64_t n_t,
+                                      const int32_t *jumps,
+                                      int64_t n_jumps);
+
+/**
+ * What was noted in the order of time; the number is n_notes of swb_run_info.
+ *
+ * @param[out] notes       [n] n_notes
+ * @param[in]  struct_size sizeof(swb_note)
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_run_notes(const struct swb_run *run,
+                         struct swb_note *notes,
+                         int64_t n,
+                         uint64_t struct_size);
+
+/**
+ * The state at a note.
+ *
+ * @param[in]  index its place in swb_run_notes, from 0
+ * @param[out] x     [n] nx
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_run_note_state(const struct swb_run *run,
+                              int64_t index,
+                              double *x,
+                              int64_t n);
+
+/**
+ * Derivatives of the time of a note with respect to initial states, parameters and controls; NaN in an implicit step.
+ *
+ * @param[in]  index its place in swb_run_notes, from 0
+ * @param[out] dt    [n] n_columns
+ * @return as swb_run_sensitivity
+ */
+SWB_API
+swb_status swb_run_note_sensitivity(const struct swb_run *run,
+                                    int64_t index,
+                                    double *dt,
+                                    int64_t n);
+
+/**
  * The transitions of a run in the order they were made; their number is n_jumps of swb_run_info.
  *
  * @param[out] jumps       [n] n_jumps
@@ -5934,7 +6068,7 @@ swb_status swb_model_get_value_names(const struct swb_model *model,
  * Add a transition to a model, and thereby to all systems made of it later; see swb_system_add_transition.
  *
  * @param[in]  graph         the graph the model was made of
- * @param[in]  guard         an expression
+ * @param[in]  guard         an expression, or a condition: joined of comparisons, it becomes true (rising) or false (falling)
  * @param[in]  direction     enum swb_direction
  * @param[in]  from_states   [n_from_states] discrete states that must have the values
  * @param[in]  from_values   [n_from_values] for the transition to be watched; none: always
@@ -5943,7 +6077,7 @@ swb_status swb_model_get_value_names(const struct swb_model *model,
  * @param[in]  to_states     [n_to_states] discrete states that get the values
  * @param[in]  to_values     [n_to_values] behind the reset
  * @param[out] index         number of the transition; may be NULL
- * @return as swb_system_add_transition; SWB_ERR_RANGE for conditions and for guards and resets that switch
+ * @return as swb_system_add_transition; SWB_ERR_RANGE for resets that are conditions; SWB_ERR_UNSUPPORTED for guards that switch
  */
 SWB_API
 swb_status swb_model_add_transition(struct swb_model *model,
@@ -5963,6 +6097,65 @@ swb_status swb_model_add_transition(struct swb_model *model,
                                     const double *to_values,
                                     int64_t n_to_values,
                                     int64_t *index);
+
+/**
+ * Add a transition with a name, an effect and a trigger to a model; the rest is that of swb_model_add_transition. See swb_system_add_event.
+ *
+ * @param[in]  graph         the graph the model was made of
+ * @param[in]  name          in results and reports, one line; NULL or "" for none
+ * @param[in]  effect        enum swb_effect
+ * @param[in]  trigger       enum swb_trigger
+ * @param[in]  guard         an expression or a condition
+ * @param[in]  direction     enum swb_direction
+ * @param[in]  from_states   [n_from_states] discrete states that must have the values
+ * @param[in]  from_values   [n_from_values] for the transition to be watched; none: always
+ * @param[in]  reset_states  [n_reset_states] states that become what
+ * @param[in]  resets        [n_resets] these expressions of the state before say, which may switch and jump
+ * @param[in]  to_states     [n_to_states] discrete states that get the values
+ * @param[in]  to_values     [n_to_values] behind the reset
+ * @param[out] index         number of the transition; may be NULL
+ * @return as swb_system_add_event; SWB_ERR_RANGE for resets that are conditions; SWB_ERR_UNSUPPORTED for guards that switch
+ */
+SWB_API
+swb_status swb_model_add_event(struct swb_model *model,
+                               struct swb_expr *graph,
+                               const char *name,
+                               int32_t effect,
+                               int32_t trigger,
+                               int64_t guard,
+                               int32_t direction,
+                               const int64_t *from_states,
+                               int64_t n_from_states,
+                               const double *from_values,
+                               int64_t n_from_values,
+                               const int64_t *reset_states,
+                               int64_t n_reset_states,
+                               const int64_t *resets,
+                               int64_t n_resets,
+                               const int64_t *to_states,
+                               int64_t n_to_states,
+                               const double *to_values,
+                               int64_t n_to_values,
+                               int64_t *index);
+
+/**
+ * Effect, trigger and name of a transition of a model.
+ *
+ * @param[in]  index   of the transition, from 0
+ * @param[out] effect  enum swb_effect; may be NULL
+ * @param[out] trigger enum swb_trigger; may be NULL
+ * @param[out] buf     [len] the name with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed  length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition, or the buffer is too short
+ */
+SWB_API
+swb_status swb_model_get_rule(const struct swb_model *model,
+                              int64_t index,
+                              int32_t *effect,
+                              int32_t *trigger,
+                              char *buf,
+                              int64_t len,
+                              int64_t *needed);
 
 /**
  * Numbers of discrete states and of transitions of a model. Any output may be NULL.

@@ -293,6 +293,7 @@ class Operator(Names):
     COSH = 11
     TANH = 12
     ERF = 13
+    FLOOR = 14
     ADD = 20
     SUB = 21
     MUL = 22
@@ -338,6 +339,7 @@ class RunOutcome(Names):
     ZENO = 3
     AMBIGUOUS = 4
     NO_CONTINUATION = 5
+    EVENT = 6
     STOPPED = 100
 
 
@@ -355,6 +357,21 @@ class Direction(Names):
 
     RISING = 0
     FALLING = 1
+
+
+class Effect(Names):
+    """enum swb_effect"""
+
+    JUMP = 0
+    NOTE = 1
+    STOP = 2
+
+
+class Trigger(Names):
+    """enum swb_trigger"""
+
+    LEVEL = 0
+    EDGE = 1
 
 
 class ImpactLaw(Names):
@@ -821,6 +838,7 @@ class swb_run_stats(Structure):
         ("time_total", c_double),
         ("jumps", c_int64),
         ("impacts", c_int64),
+        ("notes", c_int64),
     ]
 
 
@@ -843,6 +861,8 @@ class swb_run_info(Structure):
         ("n_impacts", c_int64),
         ("n_scene_contacts", c_int64),
         ("redundant", c_int64),
+        ("n_notes", c_int64),
+        ("stopped_by", c_int64),
     ]
 
 
@@ -872,6 +892,15 @@ class swb_accumulation(Structure):
         ("until", c_double),
         ("steps", c_int64),
         ("error", c_double),
+    ]
+
+
+class swb_note(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("transition", c_int64),
+        ("rate", c_double),
     ]
 
 
@@ -1241,6 +1270,11 @@ FUNCTIONS = {
     "swb_run_evaluate": (c_int32, [c_void_p, c_void_p, c_int64, c_int64, c_void_p, c_int64]),
     "swb_run_free": (None, [c_void_p]),
     "swb_system_add_transition": (c_int32, [c_void_p, c_void_p, c_int32, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
+    "swb_system_add_event": (c_int32, [c_void_p, c_char_p, c_int32, c_int32, c_void_p, c_int32, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
+    "swb_system_add_known_times": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_run_notes": (c_int32, [c_void_p, POINTER(swb_note), c_int64, c_uint64]),
+    "swb_run_note_state": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_run_note_sensitivity": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
     "swb_run_jumps": (c_int32, [c_void_p, POINTER(swb_jump), c_int64, c_uint64]),
     "swb_run_jump_states": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_int64]),
     "swb_run_jump_sensitivity": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
@@ -1264,6 +1298,8 @@ FUNCTIONS = {
     "swb_model_set_value_names": (c_int32, [c_void_p, c_int64, c_char_p]),
     "swb_model_get_value_names": (c_int32, [c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_model_add_transition": (c_int32, [c_void_p, c_void_p, c_int64, c_int32, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
+    "swb_model_add_event": (c_int32, [c_void_p, c_void_p, c_char_p, c_int32, c_int32, c_int64, c_int32, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
+    "swb_model_get_rule": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_model_transition_counts": (c_int32, [c_void_p, c_void_p, c_void_p]),
     "swb_model_get_discrete": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_model_transition_sizes": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_void_p]),

@@ -34,15 +34,16 @@ _SAME_OCP = {
 }
 
 _STOP = (
-    "a run ends early where on_step, which is called with a Step after each, returns True, as in on_step=lambda s: s.x[0] < 0; what happens "
-    "at a crossing is a transition of the model"
+    "a run ends at an event of the model, m.stop_at(m.q < 0, name='landed'); or where on_step, which is called with a Step after each, returns "
+    "True, as in on_step=lambda s: s.x[0] < 0"
 )
 
 #: Keywords that have no counterpart of their own, and what to do instead.
 _INSTEAD = {
     "t_eval": "the whole solution is kept: call the result, run(t_eval), for the states at these times",
     "args": "parameters of the model are p=[...], or p={'name': value} where they have names",
-    "events": "what switches is part of the model: comparisons in a Model, switching functions of a System, transitions",
+    "events": "events are part of the model: m.note(m.q < 0, name='low') finds them, m.stop_at(...) ends the run, m.transition(...) jumps; "
+    "their times are in run.t_events",
     **dict.fromkeys(("stop", "terminal", "terminate", "callback", "callbacks"), _STOP),
     "jac": "derivatives belong to the functions: expressions and traced callables have exact ones, others take jacobian=",
     "vectorized": "functions are called with one state at a time; simulate_batch runs many starts",

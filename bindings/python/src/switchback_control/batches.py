@@ -120,4 +120,4 @@ def simulate_batch(
     x, outcomes = numpy.empty(starts.shape), numpy.empty(len(starts), dtype=numpy.int32)
     batch._do("states", address(x), x.size)
     batch._do("outcomes", address(outcomes), outcomes.size)
-    return Batch(x, outcomes == RunOutcome.REACHED, batch)
+    return Batch(x, (outcomes == RunOutcome.REACHED) | (outcomes == RunOutcome.EVENT), batch)

@@ -24,7 +24,7 @@ from . import _ffi
 from ._arrays import address, index, number, real
 from ._call import Handle, call, encode, text
 from ._document import Reader
-from ._ffi import Direction
+from ._ffi import Direction, Effect, Trigger
 from ._library import lib
 from ._names import Named, nearest, split
 from ._trace import check_captured
@@ -49,10 +49,12 @@ __all__ = [
     "erf",
     "exp",
     "external",
+    "floor",
     "jacobian",
     "log",
     "maximum",
     "minimum",
+    "mod",
     "norm",
     "relay",
     "sign",
@@ -308,10 +310,24 @@ class Expr:
     __le__ = __lt__
 
     def _unknown(self, *_: Any) -> Any:
-        raise TypeError(_UNKNOWN["remainder"])
+        raise TypeError(_UNKNOWN["trunc"])
 
-    __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __divmod__ = __rdivmod__ = _unknown
-    __floor__ = __ceil__ = __trunc__ = __round__ = _unknown
+    def __floor__(self) -> Any:
+        return floor(self)
+
+    def __mod__(self, other: Any) -> Any:
+        return mod(self, other)
+
+    def __rmod__(self, other: Any) -> Any:
+        return mod(other, self)
+
+    def __floordiv__(self, other: Any) -> Any:
+        return floor(self / other)
+
+    def __rfloordiv__(self, other: Any) -> Any:
+        return floor(other / self)
+
+    __divmod__ = __rdivmod__ = __ceil__ = __trunc__ = __round__ = _unknown
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **keywords: Any) -> Any:
         """Functions of numpy, and operators with an array on the left."""
@@ -368,7 +384,8 @@ def _no_equality(value: Expr, sign: str) -> str:
 
 _STEPS = (
     "it jumps without end, which no finite number of modes describes: a value that starts again is a state with a transition, "
-    "m.transition(phase > 1, reset={phase: phase - 1}); a given function of time that repeats is a sine or a step_table"
+    "m.transition(phase > 1, reset={phase: phase - 1}); a given function of time that repeats is a sine or a step_table; a value that is "
+    "rounded at single times is floor in a reset, m.every or m.hold of a Model"
 )
 _UNKNOWN = {
     "heaviside": "numpy.heaviside is not known for expressions: use relay(a, 1, 0) or where(a > 0, 1, 0); the value at zero itself plays no role",
@@ -456,6 +473,28 @@ dead_zone = _function(_Op.DEAD_ZONE, "dead_zone", "dead_zone(a, w): the distance
 _where = _function(_Op.WHERE, "where", "", numpy.where)
 
 
+_floor = _function(_Op.FLOOR, "floor", "", numpy.floor)
+
+
+def floor(a: Any) -> Any:
+    """The largest whole number that is not larger. It jumps again and again, so it is for what is evaluated at single times: resets of
+    transitions, `Model.every` and `Model.hold`. Its derivative is zero."""
+    graph = _graph_among((a,))
+    if graph is not None and graph._tracing:
+        raise TypeError(_UNKNOWN["floor"])
+    return _floor(a)
+
+
+def mod(a: Any, b: Any) -> Any:
+    """The rest of a division, `a - b * floor(a / b)`, as `a % b`: for what is evaluated at single times, see `floor`."""
+    graph = _graph_among((a, b))
+    if graph is None:
+        return numpy.mod(a, b)
+    if graph._tracing:
+        raise TypeError(_UNKNOWN["remainder"])
+    return graph.of(a) - graph.of(b) * floor(graph.of(a) / b)
+
+
 def where(condition: Any, a: Any, b: Any) -> Any:
     """where(condition, a, b): a where the condition holds, else b."""
     for value in (condition, a, b):
@@ -529,11 +568,14 @@ _UFUNCS: dict[str, Callable[..., Any]] = {
     "sign": sign,
     "minimum": minimum,
     "maximum": maximum,
+    "floor": floor,
+    "remainder": mod,
+    "floor_divide": lambda a, b: floor(_graph_of(a, b).of(a) / b),
 }
 
 
 # Arrays of objects, such as numpy.array([q, v]), call methods of their elements.
-for _name in "sqrt exp log sin cos tan arcsin arccos arctan sinh cosh tanh sign square".split():
+for _name in "sqrt exp log sin cos tan arcsin arccos arctan sinh cosh tanh sign square floor".split():
     setattr(Expr, _name, lambda self, f=_UFUNCS[_name]: f(self))
 
 
@@ -676,6 +718,9 @@ class _Transition:
     when: dict[int, float]
     reset: dict[int, Expr]
     to: dict[int, float]
+    name: str = ""
+    effect: Effect = Effect.JUMP
+    trigger: Trigger = Trigger.LEVEL
 
     def add_to(self, built: _Built, graph: Graph) -> None:
         """Add it to a model of the library."""
@@ -685,7 +730,8 @@ class _Transition:
         for given, kind in ((self.when, float), (reset, numpy.int64), (self.to, float)):
             arrays += [numpy.array(list(given), numpy.int64), numpy.array(list(given.values()), kind)]
         places = [v for a in arrays for v in (address(a), a.size)]
-        built._do("add_transition", graph, int(self.guard._ids), self.direction, *places, None)
+        rule = encode(self.name, "name"), self.effect, self.trigger
+        built._do("add_event", graph, *rule, int(self.guard._ids), self.direction, *places, None)
 
     @classmethod
     def read(cls, built: _Built, graph: Graph, index: int) -> _Transition:
@@ -700,12 +746,17 @@ class _Transition:
             places += [address(states), n.value, address(values), n.value]
         built._do("get_transition", index, ctypes.byref(guard), ctypes.byref(direction), *places)
         when, reset, to = ({int(s): v for s, v in zip(states, values)} for states, values in found)
+        effect, trigger = ctypes.c_int32(), ctypes.c_int32()
+        name = text(lib.swb_model_get_rule, built, index, ctypes.byref(effect), ctypes.byref(trigger))
         return cls(
             graph._expr(numpy.array(guard.value)),
             Direction(direction.value),
             {state: float(v) for state, v in when.items()},
             {state: graph._expr(numpy.array(v)) for state, v in reset.items()},
             {state: float(v) for state, v in to.items()},
+            name,
+            Effect(effect.value),
+            Trigger(trigger.value),
         )
 
 
@@ -798,27 +849,21 @@ class Model(Named):
             raise ArgumentError(f"{what} must be a dictionary from discrete states to values, not {type(given).__name__}")
         return {self._state(state, what): number(value, what) for state, value in given.items()}
 
-    def transition(self, guard: Any, *, when: Any = None, reset: Any = None, to: Any = None) -> int:
+    def transition(
+        self, guard: Any, *, when: Any = None, reset: Any = None, to: Any = None, name: str = "", edge: bool = False
+    ) -> int:
         """Add a jump of the state, for event-driven simulation, and return its number.
 
-        `guard` is a comparison, such as `v > 15`, or an expression; the jump happens where the comparison becomes true, or
-        the expression positive. `when` are discrete states and the values they must have for that; `reset` are states
-        and what they become, expressions of the state before; `to` are discrete states and the values they get. All
-        three are dictionaries; what is not named stays as it is.
+        `guard` is a comparison, such as `v > 15`, comparisons joined by `&`, `|` and `~`, or an expression; the jump happens where the
+        condition becomes true, or the expression positive. `when` are discrete states and the values they must have for that; `reset` are
+        states and what they become, expressions of the state before, which may switch and jump (`clip`, `where`, `floor`); `to` are discrete
+        states and the values they get. All three are dictionaries; what is not named stays as it is. `name` is that of its times in
+        `Run.t_events`.
 
-        A guard that holds when its discrete states begin (at the start, too) acts at once. Of several at one time the
-        first that was added comes first. A transition that leaves its own guard true is watched again when the guard has
-        been false.
+        A guard that holds when its discrete states begin (at the start, too) acts at once; with `edge=True` it has to be false before. Of
+        several at one time the first that was added comes first. A transition that leaves its own guard true is watched again when the
+        guard has been false.
         """
-        g = self.graph.of(guard)
-        if g.size and not isinstance(guard, Expr):
-            raise ArgumentError(f"the guard is {guard!r:.40}, which never passes zero: give a comparison of variables, as in m.q > 1")
-        if g._condition:
-            if g._margin is None:
-                raise ArgumentError("a guard is one comparison: state several as transitions of their own")
-            g = g._margin
-        if g.ndim:
-            raise DimensionError(f"a guard is one value, not an array of shape {g.shape}")
         after: dict[int, Expr] = {}
         if reset is not None:
             if not hasattr(reset, "items"):
@@ -828,8 +873,47 @@ class Model(Named):
             if value.ndim or value._condition:
                 what = "a condition" if value._condition else f"an array of shape {value.shape}"
                 raise DimensionError(f"reset of {self.names[0][state] or self.x[state]!r} is {what}: it becomes one value")
-        made = _Transition(g, Direction.RISING, self._values(when, "when"), after, self._values(to, "to"))
-        self._transitions.append(made)
+        trigger = Trigger.EDGE if edge else Trigger.LEVEL
+        return self._add(guard, self._values(when, "when"), after, self._values(to, "to"), name, Effect.JUMP, trigger)
+
+    def stop_at(self, guard: Any, *, when: Any = None, name: str = "") -> int:
+        """End runs where a condition becomes true, or an expression positive, and return the number of the event.
+
+        `guard`, `when` and `name` are those of `transition`. A condition that is true at the start has to be false first. `Run.stopped_by` says
+        which event ended a run, and `Run.outcome` is EVENT. Derivatives of the last state include that of the time of the end.
+        """
+        return self._add(guard, self._values(when, "when"), {}, {}, name, Effect.STOP, Trigger.EDGE)
+
+    def note(self, guard: Any, *, when: Any = None, name: str = "") -> int:
+        """Note where a condition becomes true, or an expression positive, and return the number of the event.
+
+        `guard`, `when` and `name` are those of `transition`. Times and states are in `Run.t_events` and `Run.y_events`, as accurate as those of
+        transitions. No step ends for that. A condition that is true at the start has to be false first.
+        """
+        return self._add(guard, self._values(when, "when"), {}, {}, name, Effect.NOTE, Trigger.EDGE)
+
+    def _add(
+        self,
+        guard: Any,
+        when: dict[int, float],
+        reset: dict[int, Expr],
+        to: dict[int, float],
+        name: str,
+        effect: Effect,
+        trigger: Trigger,
+    ) -> int:
+        g = self.graph.of(guard)
+        if g.size and not isinstance(guard, Expr):
+            raise ArgumentError(f"the guard is {guard!r:.40}, which never passes zero: give a comparison of variables, as in m.q > 1")
+        if g.ndim:
+            raise DimensionError(f"a guard is one value, not an array of shape {g.shape}")
+        if g._condition and g._margin is not None:
+            g = g._margin
+        if not isinstance(name, str):
+            raise ArgumentError(f"the name of an event must be a text, not {type(name).__name__}")
+        if name and any(name == t.name for t in self._transitions):
+            raise ArgumentError(f"there is an event '{name}' already: give this one another name")
+        self._transitions.append(_Transition(g, Direction.RISING, when, reset, to, name, effect, trigger))
         self._made = None
         return len(self._transitions) - 1
 
@@ -992,6 +1076,7 @@ class Model(Named):
         s.n_subsystems = self.counts().subsystems
         s._discrete = list(self._discrete)
         s._names = tuple(tuple(names) for names in self.names)
+        s._events = [t.name for t in self._transitions]
         s._built = self._build()
         s._origin = self.graph, self.x._ids, tuple(self.names[0])
         return s

@@ -57,6 +57,7 @@ class SystemInfo:
     _scene: Any = None
     _origin: Any = field(default=None, repr=False)
     n_subsystems: int = 0
+    _events: list[str] = field(default_factory=list)
 
     @classmethod
     def of(cls, system: Any, n_modes: tuple[int, ...] = ()) -> SystemInfo | None:
@@ -77,6 +78,7 @@ class SystemInfo:
             tuple(tuple(c) for c in system._contacts),
             None if scene is None else SceneInfo(scene.n_q),
             None if origin is None else (None, numpy.empty(0), tuple(origin[2])),
+            _events=list(getattr(system, "_events", ())),
         )
 
 

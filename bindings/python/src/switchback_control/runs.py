@@ -15,7 +15,8 @@ from ._call import Handle, text
 from ._ffi import EventKind, ProgressKind, RunOutcome
 from ._foreign import Hints
 from ._library import lib
-from .errors import ArgumentError, DimensionError
+from ._names import nearest
+from .errors import ArgumentError, DimensionError, StateError
 from .recorded import EndState, Recorded, labels
 from .scene import Impact, ImpactKind, SceneContact
 from .system import System
@@ -28,6 +29,7 @@ __all__ = [
     "Event",
     "Gradient",
     "Jump",
+    "Noted",
     "Run",
     "RunStats",
     "Step",
@@ -60,6 +62,44 @@ class Jump(NamedTuple):
     after: Array
     simultaneous: bool
     rate: float
+
+
+class Noted(NamedTuple):
+    """What an event of `Model.note` wrote down: the number of the event, the state, and the rate at which its guard passes zero, NaN where a jump of
+    the state has made its condition true."""
+
+    t: float
+    event: int
+    x: Array
+    rate: float
+
+
+class ByEvent(Sequence[Array]):
+    """An array for each event of a model, in the order they were added, then for each subsystem that switches: `run.t_events[0]`, and
+    `run.t_events["landed"]` by the name of an event, or `run.t_events["subsystem 0"]`."""
+
+    def __init__(self, names: Sequence[str], arrays: Sequence[Array]):
+        self._names, self._arrays = tuple(names), tuple(arrays)
+
+    def keys(self) -> tuple[str, ...]:
+        """Names, in the order of the arrays."""
+        return self._names
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, str):
+            if key not in self._names:
+                raise KeyError(f"there is no event '{key}'{nearest(key, self._names)}")
+            return self._arrays[self._names.index(key)]
+        return self._arrays[key]
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._names
+
+    def __len__(self) -> int:
+        return len(self._arrays)
+
+    def __repr__(self) -> str:
+        return "{" + ", ".join(f"{n!r}: {a!r}" for n, a in zip(self._names, self._arrays)) + "}"
 
 
 class Step(NamedTuple):
@@ -134,6 +174,7 @@ class RunStats:
     time_total: float
     jumps: int
     impacts: int
+    notes: int = 0
 
     @classmethod
     def _of(cls, c: Any) -> RunStats:
@@ -152,11 +193,15 @@ class Run(Hints, Recorded, Handle):
     state at the times `t`. It can be copied, pickled, and written by `save` (see `switchback_control.load`).
 
     t, x               starts and ends of the steps, [n] and [n, nx]; without `dense` the end only
+    y                  the states the other way round, [nx, n]: a view of x
+    t_events, y_events times of every event, and the states just before, [n, nx]: by the name of an event or its number
     t_start, t_end     from when to when
     x_end              [nx] state reached
     switches           in the order of time, a list of `Event`
-    jumps              the transitions in the order of time, a list of `Jump`
-    outcome, success   how it ended; did it reach its time?
+    jumps              the transitions in the order of time, a list of `Jump`; what ended the run is the last one
+    notes              what `Model.note` wrote down, a list of `Noted`
+    stopped_by         the event that ended the run, by its name, else its number; None if none did
+    outcome, success   how it ended; did it reach its time, or an event that ends it?
     reason             why it ended early, in words; if it did not, what is not known to the tolerances, or ""
     stats              work
     n_modes            numbers of modes of the subsystems that can switch
@@ -164,6 +209,7 @@ class Run(Hints, Recorded, Handle):
                            sensitivity="inputs" without dx_dx0, and below without the first nx columns
     switch_derivatives     those of the switching times, [n_switches, nx + np + nu], or None
     jump_derivatives       those of the times of the transitions, [n_jumps, nx + np + nu], or None
+    note_derivatives       those of the times of the notes, [n_notes, nx + np + nu], or None; NaN where a step was implicit
     impacts            of a scene in the order of time, a list of `Impact`, one for every contact with an impulse
     impact_derivatives     those of the times of the impacts, [n_impacts, nx + np + nu], or None
     one_sided          the derivatives hold for one side only
@@ -175,14 +221,11 @@ class Run(Hints, Recorded, Handle):
 
     _kind = "run"
     _instead = {
-        "y": "states are run['name'], or run.x with a row for each of the times run.t; run(times) are those in between",
         "sol": "the run itself is the dense output: run(times)",
         "message": "run.reason says why it ended early",
         "status": "run.outcome says how it ended, run.success whether it reached its time",
         "nfev": "run.stats.evaluations",
         "njev": "run.stats.jacobians",
-        "t_events": "run.switch_times, and run.switches with what happened",
-        "y_events": "run(run.switch_times)",
         "sensitivity": "run.dx_dx0, run.dx_dp, run.dx_du, with the option sensitivity=True",
         "u": "controls are inputs of a simulation; those of an optimal control problem are result.controls",
     }
@@ -192,12 +235,15 @@ class Run(Hints, Recorded, Handle):
     x_end = EndState()
     switches: list[Event]
     jumps: list[Jump]
+    notes: list[Noted]
+    stopped_by: str | int | None
     stats: RunStats
     dx_dx0: Array | None
     dx_dp: Array | None
     dx_du: Array | None
     switch_derivatives: Array | None
     jump_derivatives: Array | None
+    note_derivatives: Array | None
     impacts: list[Impact]
     impact_derivatives: Array | None
     _p: Array | None = None  # parameters, where they are known
@@ -237,7 +283,8 @@ class Run(Hints, Recorded, Handle):
         info = self._struct("get_info", _ffi.swb_run_info)
         self.nx, n = info.nx, info.n_events
         self.outcome = RunOutcome(info.outcome)
-        self.success = self.outcome == RunOutcome.REACHED
+        self.success = self.outcome in (RunOutcome.REACHED, RunOutcome.EVENT)
+        self.stopped_by = None if info.stopped_by < 0 else dict(enumerate(self._names_of_events())).get(info.stopped_by) or info.stopped_by
         self.t_start, self.t_end = info.t_start, info.t_end
         self.reason = text(lib.swb_run_reason, self)
         self.stats = RunStats._of(self._struct("get_stats", _ffi.swb_run_stats))
@@ -246,6 +293,8 @@ class Run(Hints, Recorded, Handle):
         self.switches = [self._event(i, e) for i, e in enumerate(self._structs("events", _ffi.swb_event, n))]
         made = self._structs("jumps", _ffi.swb_jump, info.n_jumps)
         self.jumps = [self._jump(i, j) for i, j in enumerate(made)]
+        noted = self._structs("notes", _ffi.swb_note, info.n_notes)
+        self.notes = [Noted(c.t, c.transition, self._array("note_state", (self.nx,), i), c.rate) for i, c in enumerate(noted)]
         struck = self._structs("impacts", _ffi.swb_impact, info.n_impacts)
         self.impacts = [self._impact(i) for i in struck]
         points = self._structs("branch_points", _ffi.swb_branch_point, info.n_branch_points)
@@ -262,7 +311,7 @@ class Run(Hints, Recorded, Handle):
         self.one_sided = bool(info.one_sided)
         self.redundant = bool(info.redundant)
         self.dx_dx0 = self.dx_dp = self.dx_du = None
-        self.switch_derivatives = self.jump_derivatives = self.impact_derivatives = None
+        self.switch_derivatives = self.jump_derivatives = self.note_derivatives = self.impact_derivatives = None
         if info.n_columns:
             nx, np, nu = sizes
             starts = info.n_columns - np - nu
@@ -273,13 +322,15 @@ class Run(Hints, Recorded, Handle):
             self.switch_derivatives = numpy.array(rows).reshape(n, info.n_columns)
             rows = [self._array("jump_sensitivity", (info.n_columns,), i) for i in range(len(self.jumps))]
             self.jump_derivatives = numpy.array(rows).reshape(len(rows), info.n_columns)
+            rows = [self._array("note_sensitivity", (info.n_columns,), i) for i in range(len(self.notes))]
+            self.note_derivatives = numpy.array(rows).reshape(len(rows), info.n_columns)
             rows = [self._array("impact_sensitivity", (info.n_columns,), i) for i in range(len(self.impacts))]
             self.impact_derivatives = numpy.array(rows).reshape(len(rows), info.n_columns)
 
     def _early(self) -> str:
         """Why the run ended before its time, where nobody asked for it; else ""."""
         given = self.__dict__
-        if given.get("outcome", RunOutcome.REACHED) in (RunOutcome.REACHED, RunOutcome.STOPPED):
+        if given.get("outcome", RunOutcome.REACHED) in (RunOutcome.REACHED, RunOutcome.STOPPED, RunOutcome.EVENT):
             return ""
         return f"{given['outcome']} at t = {given['t_end']:.9g}: {given['reason']:.300}"
 
@@ -386,6 +437,46 @@ class Run(Hints, Recorded, Handle):
         """Times of the switches."""
         return numpy.array([s.t for s in self.switches])
 
+    @property
+    def y(self) -> Array:
+        """States at the times `t`, [nx, n]: a view of `x`."""
+        return self.x.T
+
+    def _names_of_events(self) -> list[str]:
+        """Names of the transitions of the system, "" where they have none, as far as they are known."""
+        return list(getattr(self.system, "_events", ()))
+
+    def _by_event(self, of_jump: Any, of_note: Any, of_switch: Any, shape: tuple[int, ...]) -> ByEvent:
+        if self.stats.notes > len(self.notes) or self.stats.jumps > len(self.jumps) or self.stats.switches > len(self.switches):
+            raise StateError("the run has more events than its lists: raise max_switches")
+        names = self._names_of_events()
+        last = max((*(j.transition for j in self.jumps), *(n.event for n in self.notes), -1))
+        names += [""] * (last + 1 - len(names))
+        found: list[list[tuple[float, Any]]] = [[] for _ in names]
+        for j in self.jumps:
+            found[j.transition].append((j.t, of_jump(j)))
+        for n in self.notes:
+            found[n.event].append((n.t, of_note(n)))
+        switching: list[list[tuple[float, Any]]] = [[] for _ in self.n_modes]
+        for s in self.switches:
+            switching[s.subsystem].append((s.t, of_switch(s)))
+        words = [name or f"event {k}" for k, name in enumerate(names)] + [f"subsystem {k}" for k in range(len(self.n_modes))]
+        return ByEvent(words, [numpy.array([v for _, v in own], dtype=float).reshape(-1, *shape) for own in (*found, *switching)])
+
+    @property
+    def t_events(self) -> ByEvent:
+        """Times of every event, by its name or number, then of the switches of every subsystem: `run.t_events["landed"]`, `run.t_events[0]`,
+        `run.t_events["subsystem 0"]`. Error: StateError if there are more than the option max_switches."""
+        return self._by_event(lambda j: j.t, lambda n: n.t, lambda s: s.t, ())
+
+    @property
+    def y_events(self) -> ByEvent:
+        """States at the times `t_events`, [n, nx], just before what happens there. Those of switches are on the dense output; without that they are
+        NaN."""
+        known = len(self.t) > 1
+        lost = numpy.full(self.nx, numpy.nan)
+        return self._by_event(lambda j: j.before, lambda n: n.x, lambda s: self(s.t) if known else lost, (self.nx,))
+
     def __call__(self, t: Any, k: int = 0) -> Array:
         """States at times between start and end, [..., nx], or their `k`-th derivatives. At a switch the step before it
         counts."""
@@ -456,6 +547,7 @@ class Run(Hints, Recorded, Handle):
         }
         more = {
             "jump_times": numpy.array([j.t for j in self.jumps]),
+            "note_times": numpy.array([n.t for n in self.notes]),
             "impact_times": numpy.array([i.t for i in self.impacts]),
             "reason": self.reason,
         }

@@ -9,9 +9,9 @@ from typing import Any
 import numpy
 
 from . import _ffi
-from ._arrays import address, choice, index, number, seen, vector
-from ._call import Handle
-from ._ffi import Direction
+from ._arrays import address, choice, index, number, real, seen, vector
+from ._call import Handle, encode
+from ._ffi import Direction, Effect, Trigger
 from ._names import filled, named_vector, split
 from .errors import ArgumentError, DimensionError, RangeError
 from .function import Function
@@ -41,6 +41,7 @@ class System(Handle):
         self.nx, self.nu, self.np = (len(names) or index(n, what) for names, (n, what) in zip(self._names, given))
         self._functions: list[Function] = []  # their callbacks are called as long as a model is there
         self.n_subsystems = 0
+        self._events: list[str] = []  # names of the transitions
         self._discrete: list[float] = []  # initial values of the last states
         self._origin: Any = None  # of a model: its graph, its states as expressions, and their names
         self._create(self.nx, self.nu, self.np)
@@ -183,15 +184,36 @@ class System(Handle):
             self._functions.append(f)
 
     def add_transition(
-        self, guard: Any, direction: Direction | str = "rising", *, when: Any = None, reset: Any = None, to: Any = None
+        self,
+        guard: Any,
+        direction: Direction | str = "rising",
+        *,
+        when: Any = None,
+        reset: Any = None,
+        to: Any = None,
+        name: str = "",
+        edge: bool = False,
     ) -> int:
         """Add a jump of the state, for event-driven simulation, and return its number.
 
         It happens where the function `guard` passes zero in its direction, "rising" or "falling", while the states in
         `when`, a dictionary from indices to values, have these values. Then the state becomes `reset`, a function with nx
         outputs, and the states in `to` get their values. States in `when` and `to` are discrete: their derivative is zero.
-        The rules are those of `Model.transition`.
+        The rules, `name` and `edge` are those of `Model.transition`.
         """
+        return self._add_event(guard, direction, when, reset, to, name, Effect.JUMP, Trigger.EDGE if edge else Trigger.LEVEL)
+
+    def stop_at(self, guard: Any, direction: Direction | str = "rising", *, when: Any = None, name: str = "") -> int:
+        """End runs where the function `guard` passes zero in its direction, see `Model.stop_at`."""
+        return self._add_event(guard, direction, when, None, None, name, Effect.STOP, Trigger.EDGE)
+
+    def note(self, guard: Any, direction: Direction | str = "rising", *, when: Any = None, name: str = "") -> int:
+        """Note where the function `guard` passes zero in its direction, see `Model.note`."""
+        return self._add_event(guard, direction, when, None, None, name, Effect.NOTE, Trigger.EDGE)
+
+    def _add_event(
+        self, guard: Any, direction: Any, when: Any, reset: Any, to: Any, name: str, effect: Effect, trigger: Trigger
+    ) -> int:
         g = self._switching(guard, 1, "guard")
         after = None if reset is None else self._function(reset, self.nx, "reset")
         lists = []
@@ -206,7 +228,10 @@ class System(Handle):
         (a, va), (b, vb) = lists
         count = ctypes.c_int64()
         self._do(
-            "add_transition",
+            "add_event",
+            encode(name, "name"),
+            effect,
+            trigger,
             g,
             choice(Direction, direction, "direction"),
             address(a),
@@ -221,6 +246,7 @@ class System(Handle):
             ctypes.byref(count),
         )
         self._functions += [f for f in (g, after) if f is not None]
+        self._events.append(name)
         return count.value
 
     def add_choice(self, control: Any, values: Any, dwell: float = 0.0) -> int:
@@ -230,6 +256,13 @@ class System(Handle):
         count = ctypes.c_int64()
         self._do("add_choice", at, address(given), given.size, number(dwell, "dwell"), ctypes.byref(count))
         return count.value
+
+    def add_known_times(self, t: Any, jumps: Any = False) -> None:
+        """Add times at which functions of the system are not smooth: steps of event-driven simulation end there, and begin anew where `jumps`, one
+        value or one for each, says that the right-hand side jumps. Tables of time in models say these times themselves."""
+        times = numpy.atleast_1d(real(t, "t"))
+        flags = numpy.ascontiguousarray(numpy.broadcast_to(numpy.asarray(jumps, dtype=bool), times.shape), dtype=numpy.int32)
+        self._do("add_known_times", address(times), times.size, address(flags), flags.size)
 
     def surfaces(self, x: Any, u: Any = None, p: Any = None, t: float = 0.0, *, subsystem: int = 0) -> numpy.ndarray:
         """Values whose zeros are the switching surfaces of a subsystem: its switching functions, or the differences
