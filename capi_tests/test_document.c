@@ -211,8 +211,18 @@ static swb_model *heater(swb_expr *g)
                                                          NULL, 0, NULL, 0, &index));
     CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_transition(model, g, low, 5, &heat, 1, &off, 1, NULL, 0, NULL, 0, &heat, 1, &on, 1,
                                                          &index));
-    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_transition(model, g, condition, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, NULL, 0,
-                                                         NULL, 0, &heat, 1, &on, 1, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_transition(model, g, low, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &state, 1,
+                                                         &condition, 1, &heat, 1, &on, 1, &index)); /* a reset is a value */
+    CHECK_STATUS(SWB_ERR_STATE, swb_model_add_event(model, g, "low", SWB_EFFECT_STOP, SWB_TRIGGER_LEVEL, condition,
+                                                    SWB_DIRECTION_FALLING, NULL, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0,
+                                                    &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_event(model, g, "low", 3, SWB_TRIGGER_EDGE, condition, SWB_DIRECTION_FALLING, NULL, 0,
+                                                    NULL, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_event(model, g, "low", SWB_EFFECT_NOTE, 2, condition, SWB_DIRECTION_FALLING, NULL, 0,
+                                                    NULL, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_event(model, g, "two\nlines", SWB_EFFECT_NOTE, SWB_TRIGGER_EDGE, condition,
+                                                    SWB_DIRECTION_FALLING, NULL, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0,
+                                                    &index));
     CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_transition(model, g, -4, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, NULL, 0, NULL, 0,
                                                          &heat, 1, &on, 1, &index));
     CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_transition(model, g, low, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &missing, 1,
@@ -227,6 +237,13 @@ static swb_model *heater(swb_expr *g)
     CHECK(index == 0);
     CHECK_OK(swb_model_add_transition(model, g, high, SWB_DIRECTION_RISING, &heat, 1, &on, 1, NULL, 0, NULL, 0, &heat, 1, &off, 1,
                                       NULL));
+    CHECK_OK(swb_model_add_event(model, g, "cold", SWB_EFFECT_NOTE, SWB_TRIGGER_EDGE, condition, SWB_DIRECTION_FALLING, NULL, 0,
+                                 NULL, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK(index == 2);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_event(model, g, "cold", SWB_EFFECT_NOTE, SWB_TRIGGER_EDGE, condition,
+                                                    SWB_DIRECTION_FALLING, NULL, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0,
+                                                    NULL));
+    CHECK(strstr(swb_last_error(), "'cold' already") != NULL);
     return model;
 }
 
@@ -258,14 +275,20 @@ static void transitions(void)
     char *text, *named, names[16], report[4000];
     double initial = -1.0, from_value = -1.0, to_value = -1.0, x[2], x2[2];
     int64_t n = -1, m = -1, rhs[2], guard = -1, from = -1, reset = -1, to = -1, id = -1, sizes[3];
-    int32_t direction = -1;
+    int32_t direction = -1, effect = -1, trigger = -1;
     CHECK_OK(swb_expr_create(&g));
     CHECK_OK(swb_expr_create(&h));
     model = heater(g);
     text = model_text(model);
     CHECK_OK(swb_model_from_json(h, text, NULL, 0, rhs, 2, &again));
     CHECK_OK(swb_model_transition_counts(again, &n, &m));
-    CHECK(n == 1 && m == 2);
+    CHECK(n == 1 && m == 3);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_get_rule(again, 3, NULL, NULL, NULL, 0, &n));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_get_rule(again, 2, NULL, NULL, names, 2, &n));
+    CHECK_OK(swb_model_get_rule(again, 2, &effect, &trigger, names, sizeof names, &n));
+    CHECK(effect == SWB_EFFECT_NOTE && trigger == SWB_TRIGGER_EDGE && n == 5 && strcmp(names, "cold") == 0);
+    CHECK_OK(swb_model_get_rule(again, 0, &effect, &trigger, names, sizeof names, NULL));
+    CHECK(effect == SWB_EFFECT_JUMP && trigger == SWB_TRIGGER_LEVEL && names[0] == '\0');
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_get_discrete(again, &initial, 2));
     CHECK_OK(swb_model_get_discrete(again, &initial, 1));
     CHECK(initial == 1.0);
@@ -276,7 +299,7 @@ static void transitions(void)
     CHECK(strcmp(names, "off\non") == 0);
     CHECK_OK(swb_model_report(again, 0, report, sizeof report, NULL));
     CHECK(strstr(report, "discrete: heat (off, on)") != NULL);
-    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_transition_sizes(again, 2, NULL, NULL, NULL));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_transition_sizes(again, 3, NULL, NULL, NULL));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_transition_sizes(again, -1, NULL, NULL, NULL));
     CHECK_OK(swb_model_transition_sizes(again, 0, &sizes[0], &sizes[1], &sizes[2]));
     CHECK(sizes[0] == 1 && sizes[1] == 1 && sizes[2] == 1);
@@ -295,7 +318,7 @@ static void transitions(void)
     run2 = heated(again);
     CHECK_OK(swb_run_get_info(run, &info, sizeof info));
     CHECK_OK(swb_run_get_info(run2, &info2, sizeof info2));
-    CHECK(info.n_jumps == info2.n_jumps && info.n_jumps > 3);
+    CHECK(info.n_jumps == info2.n_jumps && info.n_jumps > 3 && info.n_notes == info2.n_notes && info.n_notes > 1);
     CHECK_OK(swb_run_state(run, x, 2));
     CHECK_OK(swb_run_state(run2, x2, 2));
     CHECK(x[0] == x2[0] && x[1] == x2[1]);

@@ -812,9 +812,105 @@ static void transitions(void)
     swb_function_free(bounce);
 }
 
+static int count_up(const swb_point *at, double *out, void *data)
+{
+    (void)data;
+    (void)at;
+    out[0] = 1.0;
+    return 0;
+}
+
+static int above_quarter(const swb_point *at, double *out, void *data)
+{
+    (void)data;
+    out[0] = at->x[0] - 0.25;
+    return 0;
+}
+
+static int below_half(const swb_point *at, double *out, void *data)
+{
+    (void)data;
+    out[0] = 0.5 - at->x[0];
+    return 0;
+}
+
+/* An event that is noted, one that ends the run, and times that are known. */
+static void named_events(void)
+{
+    static const double x0 = 0.0, t[2] = {0.125, 0.4}, wrong[2] = {0.1, 0.0 / 0.0};
+    static const int32_t jumps[2] = {0, 1};
+    swb_system *system = NULL;
+    swb_function *f = make_function("f", 1, 0, 0, 1, count_up, NULL), *quarter = make_function("quarter", 1, 0, 0, 1, above_quarter, NULL),
+                 *half = make_function("half", 1, 0, 0, 1, below_half, NULL);
+    swb_integrator *integrator = NULL;
+    swb_run *run = NULL;
+    swb_run_info info;
+    swb_run_stats stats;
+    swb_note note;
+    int64_t index = -1;
+    int32_t outcome = -1;
+    double x = -1.0, dt = 0.0, times[64];
+    CHECK_OK(swb_system_create(1, 0, 0, &system));
+    CHECK_OK(swb_system_set_f0(system, f));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_add_known_times(system, t, 2, jumps, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_known_times(system, wrong, 2, jumps, 2));
+    CHECK_OK(swb_system_add_known_times(system, t, 2, jumps, 2));
+    CHECK_STATUS(SWB_ERR_STATE, swb_system_add_event(system, "a", SWB_EFFECT_NOTE, SWB_TRIGGER_LEVEL, quarter, SWB_DIRECTION_RISING, NULL,
+                                                     0, NULL, 0, NULL, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_STATE, swb_system_add_event(system, "a", SWB_EFFECT_STOP, SWB_TRIGGER_EDGE, quarter, SWB_DIRECTION_RISING, NULL, 0,
+                                                     NULL, 0, f, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_event(system, "a", 9, SWB_TRIGGER_EDGE, quarter, SWB_DIRECTION_RISING, NULL, 0, NULL, 0,
+                                                     NULL, NULL, 0, NULL, 0, &index));
+    CHECK(index == -1);
+    CHECK_OK(swb_system_add_event(system, "quarter", SWB_EFFECT_NOTE, SWB_TRIGGER_EDGE, quarter, SWB_DIRECTION_RISING, NULL, 0, NULL, 0,
+                                  NULL, NULL, 0, NULL, 0, &index));
+    CHECK(index == 0);
+    CHECK_OK(swb_system_add_event(system, NULL, SWB_EFFECT_STOP, SWB_TRIGGER_EDGE, half, SWB_DIRECTION_FALLING, NULL, 0, NULL, 0, NULL,
+                                  NULL, 0, NULL, 0, &index));
+    CHECK(index == 1);
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_set_string(integrator, "sensitivity", "on"));
+    CHECK_OK(swb_integrator_set_int(integrator, "dense", 1));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, &x0, 1));
+    CHECK_OK(swb_integrator_advance(integrator, 3.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_EVENT && strcmp(swb_run_outcome_name(outcome), "event") == 0);
+    CHECK_OK(swb_integrator_get_run(integrator, &run));
+    CHECK_OK(swb_run_get_info(run, &info, sizeof info));
+    CHECK(info.n_notes == 1 && info.n_jumps == 1 && info.stopped_by == 1);
+    CHECK_NEAR(info.t_end, 0.5, 1e-13);
+    CHECK_OK(swb_run_get_stats(run, &stats, sizeof stats));
+    CHECK(stats.notes == 1 && stats.jumps == 1);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_notes(run, &note, 2, sizeof note));
+    CHECK_OK(swb_run_notes(run, &note, 1, sizeof note));
+    CHECK(note.transition == 0);
+    CHECK_NEAR(note.t, 0.25, 1e-13);
+    CHECK_NEAR(note.rate, 1.0, 1e-9);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_note_state(run, 1, &x, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_note_state(run, 0, &x, 2));
+    CHECK_OK(swb_run_note_state(run, 0, &x, 1));
+    CHECK_NEAR(x, 0.25, 1e-13);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_note_sensitivity(run, -1, &dt, 1));
+    CHECK_OK(swb_run_note_sensitivity(run, 0, &dt, 1));
+    CHECK_NEAR(dt, -1.0, 1e-7);
+    CHECK(info.n_pieces + 1 <= 64);
+    CHECK_OK(swb_run_times(run, times, info.n_pieces + 1));
+    for (int k = 0, found = 0; k <= info.n_pieces; k++) {
+        found += times[k] == 0.125 || times[k] == 0.4;
+        if (k == info.n_pieces)
+            CHECK(found == 2);
+    }
+    swb_run_free(run);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    swb_function_free(f);
+    swb_function_free(quarter);
+    swb_function_free(half);
+}
+
 int main(void)
 {
     transitions();
+    named_events();
     oscillator();
     adjoint();
     undeclared();

@@ -364,7 +364,6 @@ static void automata_of_expressions() {
     CHECK(m.report().find("discrete: fan, gear") != std::string::npos);
     CHECK(status_of([&] { gear.edge("low", "third", v > 1.0); }) == SWB_ERR_RANGE);
     CHECK(status_of([&] { gear.choose({1.0}); }) == SWB_ERR_DIMENSION);
-    CHECK(status_of([&] { m.transition((v > 1.0) & (v < 2.0), {}, {{v, -v}}); }) == SWB_ERR_RANGE);
     CHECK(status_of([&] { m.transition(v > 1.0, {}, {{2.0 * v, v}}); }) == SWB_ERR_RANGE);
     swb::Model moving("v");
     moving.derivatives({moving.x(0)});
@@ -385,6 +384,38 @@ static void automata_of_expressions() {
     CHECK(gears.size() == 2 && gear.name(gears[1].value) == "high");
     CHECK(std::abs(gears[1].start - 10.0 * std::log(39.0 / 30.0)) < 1e-8); /* v = 40 - 39 exp(-t/10) */
     CHECK(first.jump_states(0).second[0] == 0.9 * first.jump_states(0).first[0]);
+}
+
+/* Events that are noted, that end the run, and that join comparisons; a reset that rounds. */
+static void named_events() {
+    swb::Model m("q v");
+    const swb::Expr q = m.x(0), v = m.x(1), n = m.discrete("n");
+    m.derivatives({v, -q});
+    CHECK(m.note((q > 0.0) & (v > 0.0), "first quadrant") == 0);
+    CHECK(m.stop_at(!(m.t() < 12.0), "late") == 1);
+    CHECK(m.event("count", SWB_EFFECT_JUMP, SWB_TRIGGER_EDGE, q > 0.5, {}, {{n, n + floor(2.5 * q)}}) == 2);
+    CHECK(m.report().find("late: ends the run where") != std::string::npos);
+    swb::Settings settings;
+    settings.rtol = settings.atol = 1e-10;
+    swb::Integrator i(m.system(), settings);
+    i.reinit(0.0, {1.0, 0.0, 0.0}); /* cos t, -sin t */
+    CHECK(i.advance(20.0) == SWB_RUN_OUTCOME_EVENT);
+    const swb::Run run = i.run();
+    CHECK(run.stopped_by() == 1 && std::abs(run.info().t_end - 12.0) < 1e-12);
+    const double pi = 3.14159265358979323846;
+    const auto seen = run.t_events(0), counted = run.t_events(2);
+    CHECK(seen.size() == 2 && std::abs(seen[0] - 1.5 * pi) < 1e-8 && std::abs(seen[1] - 3.5 * pi) < 1e-8);
+    CHECK(counted.size() == 2 && std::abs(counted[0] - 5.0 * pi / 3.0) < 1e-8 && run.state()[2] == 2.0);
+    CHECK(run.notes().size() == 2 && std::abs(run.note_state(0)[0]) < 1e-8);
+    swb::Model other("x");
+    CHECK(status_of([&] { m.note((other.x(0) > 0.0) & (other.x(0) < 1.0)); }) == SWB_ERR_RANGE);
+    swb::System system(swb::Sizes{1, 0, 0});
+    const swb::Function f("f", {1, 0, 0}, 1, [](const swb_point &, double *out) { out[0] = 1.0; });
+    const swb::Function g("g", {1, 0, 0}, 1, [](const swb_point &at, double *out) { out[0] = at.x[0] - 0.5; });
+    system.f0(f).note(g, SWB_DIRECTION_RISING, "half").stop_at(g);
+    swb::Integrator j(system, settings);
+    j.reinit(0.0, {0.0});
+    CHECK(j.advance(2.0) == SWB_RUN_OUTCOME_EVENT && std::abs(j.run().notes().at(0).t - 0.5) < 1e-12);
 }
 
 static void events() {
@@ -570,6 +601,7 @@ int main() {
     transitions();
     automata();
     automata_of_expressions();
+    named_events();
     undeclared_inputs();
     threads();
     exceptions();

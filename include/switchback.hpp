@@ -411,6 +411,22 @@ public:
     System &transition(const Function &guard, swb_direction direction, const Function *reset,
                        const std::vector<std::pair<int64_t, double>> &from = {},
                        const std::vector<std::pair<int64_t, double>> &to = {}) {
+        return event("", SWB_EFFECT_JUMP, SWB_TRIGGER_LEVEL, guard, direction, reset, from, to);
+    }
+    /// Ends runs where the guard passes zero in its direction, while the discrete states have these values.
+    System &stop_at(const Function &guard, swb_direction direction = SWB_DIRECTION_RISING, const std::string &name = "",
+                    const std::vector<std::pair<int64_t, double>> &from = {}) {
+        return event(name, SWB_EFFECT_STOP, SWB_TRIGGER_EDGE, guard, direction, nullptr, from, {});
+    }
+    /// Notes where the guard passes zero in its direction; no step ends for that.
+    System &note(const Function &guard, swb_direction direction = SWB_DIRECTION_RISING, const std::string &name = "",
+                 const std::vector<std::pair<int64_t, double>> &from = {}) {
+        return event(name, SWB_EFFECT_NOTE, SWB_TRIGGER_EDGE, guard, direction, nullptr, from, {});
+    }
+    /// A transition with a name, an effect and a trigger. See swb_system_add_event.
+    System &event(const std::string &name, swb_effect effect, swb_trigger trigger, const Function &guard, swb_direction direction,
+                  const Function *reset, const std::vector<std::pair<int64_t, double>> &from = {},
+                  const std::vector<std::pair<int64_t, double>> &to = {}) {
         std::vector<int64_t> states[2];
         std::vector<double> values[2];
         for (int k = 0; k < 2; k++)
@@ -418,8 +434,8 @@ public:
                 states[k].push_back(d.first);
                 values[k].push_back(d.second);
             }
-        detail::check(swb_system_add_transition(
-            get(), guard.get(), direction, states[0].data(), static_cast<int64_t>(states[0].size()), values[0].data(),
+        detail::check(swb_system_add_event(
+            get(), name.c_str(), effect, trigger, guard.get(), direction, states[0].data(), static_cast<int64_t>(states[0].size()), values[0].data(),
             static_cast<int64_t>(values[0].size()), reset ? reset->get() : nullptr, states[1].data(),
             static_cast<int64_t>(states[1].size()), values[1].data(), static_cast<int64_t>(values[1].size()), nullptr));
         return *this;
@@ -712,6 +728,33 @@ public:
     }
     /// The transitions in the order they were made.
     std::vector<swb_jump> jumps() const { return structs<swb_jump>(swb_run_jumps, info_.n_jumps); }
+    /// What was noted in the order of time.
+    std::vector<swb_note> notes() const { return structs<swb_note>(swb_run_notes, info_.n_notes); }
+    /// The state at a note, by its place in notes().
+    Vector note_state(int64_t index) const {
+        Vector out(static_cast<std::size_t>(info_.nx));
+        detail::check(swb_run_note_state(get(), index, out.data(), info_.nx));
+        return out;
+    }
+    /// Derivatives of the time of a note.
+    Vector note_sensitivity(int64_t index) const {
+        Vector out(static_cast<std::size_t>(info_.n_columns));
+        detail::check(swb_run_note_sensitivity(get(), index, out.data(), info_.n_columns));
+        return out;
+    }
+    /// The event that ended the run, by its number; -1 if none did.
+    int64_t stopped_by() const noexcept { return info_.stopped_by; }
+    /// Times of an event, by its number: of a transition, a note, or what ended the run.
+    Vector t_events(int64_t event) const {
+        Vector out;
+        for (const swb_jump &j : jumps())
+            if (j.transition == event)
+                out.push_back(j.t);
+        for (const swb_note &n : notes())
+            if (n.transition == event)
+                out.push_back(n.t);
+        return out;
+    }
     /// The impacts of a scene in the order they happened, one entry for every contact with an impulse.
     std::vector<swb_impact> impacts() const { return structs<swb_impact>(swb_run_impacts, info_.n_impacts); }
     /// Derivatives of the time of an impact.

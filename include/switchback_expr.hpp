@@ -117,6 +117,8 @@ SWB_DETAIL_UNARY(sinh, SWB_OPERATOR_SINH)
 SWB_DETAIL_UNARY(cosh, SWB_OPERATOR_COSH)
 SWB_DETAIL_UNARY(tanh, SWB_OPERATOR_TANH)
 SWB_DETAIL_UNARY(erf, SWB_OPERATOR_ERF)
+/// The largest whole number that is not larger: in resets of transitions only.
+SWB_DETAIL_UNARY(floor, SWB_OPERATOR_FLOOR)
 SWB_DETAIL_UNARY(sign, SWB_OPERATOR_SIGN)
 SWB_DETAIL_UNARY(abs, SWB_OPERATOR_ABS)
 #undef SWB_DETAIL_UNARY
@@ -417,13 +419,27 @@ public:
         value_names_.at(discrete) = names;
         built_.reset();
     }
-    /// A jump of the state where a comparison becomes true while the discrete states in `when` have these values: states become
-    /// what `reset` says, discrete states what `to` says. Returns its number. See swb_system_add_transition.
+    /// A jump of the state where a comparison, or several joined by &, | and !, becomes true while the discrete states in `when` have
+    /// these values: states become what `reset` says, discrete states what `to` says. Returns its number. See swb_system_add_transition.
     int64_t transition(const Cond &guard, const Values &when, const Resets &reset, const Values &to = {}) {
-        if (guard.margin().id < 0)
-            throw Error(SWB_ERR_RANGE, "a guard is one comparison: state several as transitions of their own", 0);
+        return event("", SWB_EFFECT_JUMP, SWB_TRIGGER_LEVEL, guard, when, reset, to);
+    }
+    /// Ends runs where a condition becomes true, while the discrete states in `when` have these values. Returns its number.
+    int64_t stop_at(const Cond &guard, const std::string &name = "", const Values &when = {}) {
+        return event(name, SWB_EFFECT_STOP, SWB_TRIGGER_EDGE, guard, when, {}, {});
+    }
+    /// Notes where a condition becomes true; no step ends for that. Returns its number.
+    int64_t note(const Cond &guard, const std::string &name = "", const Values &when = {}) {
+        return event(name, SWB_EFFECT_NOTE, SWB_TRIGGER_EDGE, guard, when, {}, {});
+    }
+    /// A transition with a name, an effect and a trigger. Returns its number. See swb_model_add_event.
+    int64_t event(const std::string &name, swb_effect effect, swb_trigger trigger, const Cond &guard, const Values &when,
+                  const Resets &reset, const Values &to = {}) {
         Jump j;
-        j.guard = detail::ids(graph_, {Expr(guard.margin())}).front();
+        j.name = name, j.effect = effect, j.trigger = trigger;
+        if (guard.margin().id < 0 && guard.node().graph.get() != graph_.get())
+            throw Error(SWB_ERR_RANGE, "the guard is made of variables of another model", 0);
+        j.guard = guard.margin().id < 0 ? guard.id() : detail::ids(graph_, {Expr(guard.margin())}).front();
         for (const auto &d : when)
             j.from.first.push_back(place(d.first)), j.from.second.push_back(d.second);
         for (const auto &r : reset)
@@ -556,8 +572,8 @@ private:
                 detail::check(swb_model_set_value_names(m, static_cast<int64_t>(k), all.c_str()));
             }
             for (const Jump &j : jumps_)
-                detail::check(swb_model_add_transition(
-                    m, graph_.get(), j.guard, SWB_DIRECTION_RISING, j.from.first.data(), detail::length(j.from.first),
+                detail::check(swb_model_add_event(
+                    m, graph_.get(), j.name.c_str(), j.effect, j.trigger, j.guard, SWB_DIRECTION_RISING, j.from.first.data(), detail::length(j.from.first),
                     j.from.second.data(), detail::length(j.from.second), j.reset.first.data(), detail::length(j.reset.first),
                     j.reset.second.data(), detail::length(j.reset.second), j.to.first.data(), detail::length(j.to.first),
                     j.to.second.data(), detail::length(j.to.second), nullptr));
@@ -581,6 +597,9 @@ private:
     };
     /// A transition: places of states with values or expressions.
     struct Jump {
+        std::string name;
+        swb_effect effect = SWB_EFFECT_JUMP;
+        swb_trigger trigger = SWB_TRIGGER_LEVEL;
         int64_t guard = -1;
         std::pair<std::vector<int64_t>, Vector> from, to;
         std::pair<std::vector<int64_t>, std::vector<int64_t>> reset;

@@ -117,7 +117,9 @@ static void simulate(struct random *r, const struct friction *f, const swb_setti
 /* A run with transitions. */
 static void count(const swb_settings *s)
 {
-    static const double start[2] = {0.0, 0.0};
+    static const double start[2] = {0.0, 0.0}, known = 0.1;
+    static const int32_t jumps_ = 1;
+    swb_note note;
     struct counter c = {NULL, NULL, NULL};
     double before[2], after[2], dt[2];
     int32_t outcome;
@@ -130,6 +132,11 @@ static void count(const swb_settings *s)
     counter_create(&c, graph);
     pool_add(T_swb_expr, graph);
     DO(swb_system_add_transition, c.system, c.guard, SWB_DIRECTION_RISING, NULL, 0, NULL, 0, c.reset, NULL, 0, NULL, 0, NULL);
+    DO(swb_system_add_event, c.system, "end", SWB_EFFECT_STOP, SWB_TRIGGER_EDGE, c.guard, SWB_DIRECTION_FALLING, NULL, 0, NULL, 0, NULL, NULL, 0,
+       NULL, 0, NULL);
+    DO(swb_system_add_event, c.system, "seen", SWB_EFFECT_NOTE, SWB_TRIGGER_EDGE, c.guard, SWB_DIRECTION_RISING, NULL, 0, NULL, 0, NULL, NULL,
+       0, NULL, 0, NULL);
+    DO(swb_system_add_known_times, c.system, &known, 1, &jumps_, 1);
     keep(T_swb_system, c.system);
     keep(T_swb_function, c.guard);
     keep(T_swb_function, c.reset);
@@ -145,6 +152,10 @@ static void count(const swb_settings *s)
         DO(swb_run_jumps, run, jumps, info.n_jumps, sizeof jumps[0]);
     DO(swb_run_jump_states, run, 0, before, after, 2);
     DO(swb_run_jump_sensitivity, run, 0, dt, 2);
+    if (info.n_notes == 1)
+        DO(swb_run_notes, run, &note, 1, sizeof note);
+    DO(swb_run_note_state, run, 0, before, 2);
+    DO(swb_run_note_sensitivity, run, 0, dt, 2);
 }
 
 /* An optimal control problem without controls: what it finds is the simulation. */
@@ -173,7 +184,7 @@ static void heater(const swb_settings *s)
     int64_t x[2], c[3], rhs[2], cold, warm, raised, from, reset, to, id, n;
     double value, initial;
     char names[16];
-    int32_t direction, outcome;
+    int32_t direction, outcome, effect, trigger;
     swb_expr *graph = NULL;
     swb_model *model = NULL;
     swb_system *system = NULL;
@@ -195,6 +206,12 @@ static void heater(const swb_settings *s)
     DO(swb_model_get_value_names, model, 0, names, sizeof names, &n);
     DO(swb_model_add_transition, model, graph, cold, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &x_, 1, &raised, 1, &heat, 1, &on, 1, NULL);
     DO(swb_model_add_transition, model, graph, warm, SWB_DIRECTION_RISING, &heat, 1, &on, 1, NULL, 0, NULL, 0, &heat, 1, &off, 1, &n);
+    DO(swb_expr_apply, graph, SWB_OPERATOR_POSITIVE, &warm, NULL, NULL, &warm, 1);
+    DO(swb_expr_apply, graph, SWB_OPERATOR_POSITIVE, &cold, NULL, NULL, &cold, 1);
+    DO(swb_expr_apply, graph, SWB_OPERATOR_OR, &warm, &cold, NULL, &warm, 1);
+    DO(swb_model_add_event, model, graph, "warm", SWB_EFFECT_NOTE, SWB_TRIGGER_EDGE, warm, SWB_DIRECTION_RISING, NULL, 0, NULL, 0, NULL, 0,
+       NULL, 0, NULL, 0, NULL, 0, &n);
+    DO(swb_model_get_rule, model, 2, &effect, &trigger, names, sizeof names, &n);
     DO(swb_model_transition_counts, model, &n, NULL);
     DO(swb_model_get_discrete, model, &initial, 1);
     DO(swb_model_transition_sizes, model, 0, &n, NULL, NULL);

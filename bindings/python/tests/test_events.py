@@ -151,7 +151,7 @@ def test_floor_and_mod_of_numbers_and_of_expressions():
     n.derivatives = [0 * n.s + 1]
     n.every(1.0, {n.s: n.s % 1.0 + n.s // 2 + np.floor(n.s)}, offset=0.5)
     run = swb.simulate(n, [3.0], 0.9)
-    assert abs(run.s_end[0] - (0.5 + 1 + 3 + 0.4)) < 1e-12
+    assert abs(run.x_end[0] - (0.5 + 1 + 3 + 0.4)) < 1e-12
     with pytest.raises(swb.UnsupportedError, match="floor"):
         n.function(floor(n.s))
 

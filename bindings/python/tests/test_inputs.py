@@ -106,10 +106,22 @@ def test_the_same_expression_is_found_in_sets_and_dictionaries():
     assert m.q != "q" and m.q != None  # noqa: E711
 
 
-@pytest.mark.parametrize("f", [lambda q: q % 1, lambda q: 7 // q, np.floor, lambda q: np.mod(q, 2), round, math.ceil, lambda q: divmod(q, 1)])
+@pytest.mark.parametrize("f", [round, math.ceil, np.trunc, lambda q: divmod(q, 1)])
 def test_remainders_say_that_a_transition_starts_again(f):
     with pytest.raises(TypeError, match="a state with a transition"):
         f(swb.Model(states="q").q)
+
+
+@pytest.mark.parametrize("f", [lambda q: q % 1, lambda q: 7 // q, np.floor, lambda q: np.mod(q, 2), math.floor])
+def test_remainders_are_for_resets_and_no_derivatives(f):
+    m = swb.Model(states="q")
+    m.derivatives = [f(m.q)]
+    with pytest.raises(swb.UnsupportedError, match="a clock or a transition resets"):
+        m.system()
+    m = swb.Model(states="q")
+    m.derivatives = [0 * m.q + 1]
+    m.transition(m.t > 0.5, reset={m.q: f(m.q)})
+    assert swb.simulate(m, [2.5], 1.0).success
 
 
 def test_functions_of_numpy_that_are_not_known_say_what_is():

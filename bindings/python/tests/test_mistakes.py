@@ -79,7 +79,6 @@ MISTAKES = {
         lambda: swb.System(2, f0=lambda t, y: [y[1], -y[0]]), swb.ArgumentError, r"no input 'y': states are x, as in lambda t, x"
     ),
     "order of solve_ivp": (lambda: simulated(x0=(0.0, 6.0), t_span=(1.0, 0.0)), swb.RangeError, r"the order is \(system, x0, t_span\)"),
-    "sol.y": (lambda: simulated().y, AttributeError, r"states are run\['name'\], or run.x"),
     "a typo in a result": (lambda: simulated().outcom, AttributeError, r"did you mean 'outcome'\?"),
     "constraints of an Opti stack": (lambda: swing().subject_to(1), AttributeError, r"constraints are add_path\(f, lower, upper\)"),
     "a comparison as constraint": (lambda: swing().add_terminal(1 == 2), swb.ArgumentError, r"give the expression and its bounds"),

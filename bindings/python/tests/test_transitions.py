@@ -102,7 +102,7 @@ def test_nonsense():
     w = m.discrete("w")
     for call, word in [
         (lambda: m.transition(q), "changes nothing"),
-        (lambda: m.transition((q < 0) & (v < 0), reset={v: -v}), "one comparison"),
+        (lambda: m.transition(q < 0, reset={v: (q < 0) & (v < 0)}), "a condition"),
         (lambda: m.transition(q < 0, reset=[v, -v]), "dictionary"),
         (lambda: m.transition(q < 0, reset={"speed": -v}), "no state"),
         (lambda: m.transition(q < 0, to={w: "x"}), "to"),
