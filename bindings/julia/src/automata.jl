@@ -1,21 +1,27 @@
 # Transitions of models: guards with resets, discrete states, hysteresis, automata.
 
-"A transition: expressions, and values of discrete states by their places from 0."
+"A transition: expressions, and values of discrete states by their places from 0. The guard is a value or a condition."
 struct Transition
-    guard::Expression
+    guard::Union{Expression,Condition}
     falling::Bool
     from::Vector{Pair{Int64,Float64}}
     reset::Vector{Pair{Int64,Expression}}
     to::Vector{Pair{Int64,Float64}}
+    name::String
+    effect::Int32
+    trigger::Int32
 end
+
+const JUMP, NOTE, STOP = Int32(Lib.SWB_EFFECT_JUMP), Int32(Lib.SWB_EFFECT_NOTE), Int32(Lib.SWB_EFFECT_STOP)
+const LEVEL, EDGE = Int32(Lib.SWB_TRIGGER_LEVEL), Int32(Lib.SWB_TRIGGER_EDGE)
 
 "Add a transition to a model of the library."
 function add_to(made::Built, graph::Graph, t::Transition)
     places(list) = Int64[first(d) for d in list]
     values_(list) = Float64[last(d) for d in list]
     resets = ids_in(graph, last.(t.reset))
-    guard, n = only(ids_in(graph, [t.guard])), length
-    check(Lib.swb_model_add_transition(made, graph, guard, t.falling ? Lib.SWB_DIRECTION_FALLING : Lib.SWB_DIRECTION_RISING,
+    guard, n = t.guard isa Condition ? t.guard.id : only(ids_in(graph, [t.guard])), length
+    check(Lib.swb_model_add_event(made, graph, t.name, t.effect, t.trigger, guard, t.falling ? Lib.SWB_DIRECTION_FALLING : Lib.SWB_DIRECTION_RISING,
         places(t.from), n(t.from), values_(t.from), n(t.from), places(t.reset), n(t.reset), resets, n(resets), places(t.to), n(t.to),
         values_(t.to), n(t.to), C_NULL))
     return nothing
@@ -30,7 +36,10 @@ function read_transition(made::Built, graph::Graph, k)
     check(Lib.swb_model_get_transition(made, k, guard, direction, places[1], n[1], from, n[1], places[2], n[2], ids, n[2],
         places[3], n[3], to, n[3]))
     resets = Pair{Int64,Expression}[s => in_graph(graph, id) for (s, id) in zip(places[2], ids)]
-    return Transition(in_graph(graph, guard[]), direction[] == Int32(Lib.SWB_DIRECTION_FALLING), places[1] .=> from, resets, places[3] .=> to)
+    effect, trigger = Ref(Int32(0)), Ref(Int32(0))
+    name = text(Lib.swb_model_get_rule, made, k, effect, trigger)
+    return Transition(in_graph(graph, guard[]), direction[] == Int32(Lib.SWB_DIRECTION_FALLING), places[1] .=> from, resets, places[3] .=> to,
+                      name, effect[], trigger[])
 end
 
 """
@@ -62,37 +71,58 @@ end
 
 discrete_values(m, given, what) = Pair{Int64,Float64}[state_place(m, k) - 1 => number(v, "$what: $k") for (k, v) in pairs_in(given, what)]
 
-"What is positive where a comparison holds, or an expression itself."
+"What is positive where a comparison holds, joined comparisons as they are, or an expression itself."
 function guard_of(m::Model, guard)
-    guard isa Condition && guard.margin === nothing &&
-        mistake(:range, "a guard is one comparison: state several as transitions of their own")
-    e = guard isa Condition ? guard.margin : guard
-    e isa Expression && !isnumber(e) || mistake(:range, "a guard is a comparison of expressions, such as v > 15, not $(repr(guard))")
+    e = guard isa Condition && guard.margin !== nothing ? guard.margin : guard
+    e isa Condition || e isa Expression && !isnumber(e) || mistake(:range, "a guard is a comparison of expressions, such as v > 15, not $(repr(guard))")
     e.graph === m.graph || mistake(:range, "the guard is made of variables of another model")
     return e
 end
 
 """
-    transition!(model, guard; when = nothing, reset = nothing, to = nothing)
+    transition!(model, guard; when = nothing, reset = nothing, to = nothing, name = "", edge = false)
 
 Add a jump of the state, for event-driven simulation, and return its number.
 
-`guard` is a comparison, such as `v > 15`, or an expression; the jump happens where the comparison becomes true, or the
-expression positive. `when` are discrete states and the values they must have for that, `reset` are states and what they become,
-expressions of the state before, `to` discrete states and the values they get: pairs such as `heat => 1`, several in a list or
-a dictionary. A guard that holds when its discrete states begin, at the start, too, acts at once. Of several at one time the
-first that was added comes first.
+`guard` is a comparison, such as `v > 15`, comparisons joined by `&`, `|` and `!`, or an expression; the jump happens where the
+condition becomes true, or the expression positive. `when` are discrete states and the values they must have for that, `reset` are
+states and what they become, expressions of the state before, which may switch and round (`floor`), `to` discrete states and the
+values they get: pairs such as `heat => 1`, several in a list or a dictionary. A guard that holds when its discrete states begin,
+at the start, too, acts at once; with `edge = true` it has to be false before. Of several at one time the first that was added
+comes first. `name` is that of its times in `t_events`.
 """
-transition!(m::Model, guard; keywords...) = add_transition(m, guard_of(m, guard); keywords...)
+transition!(m::Model, guard; edge = false, keywords...) =
+    add_transition(m, guard_of(m, guard); trigger = edge ? EDGE : LEVEL, keywords...)
 
-function add_transition(m::Model, guard::Expression; when = nothing, reset = nothing, to = nothing)
+"""
+    stop_at!(model, guard; when = nothing, name = "")
+
+End runs where a condition becomes true, or an expression positive, and return the number of the event. A condition that is true at
+the start has to be false first. `stopped_by` of a solution says which event ended it. Derivatives of the last state include that of
+the time of the end.
+"""
+stop_at!(m::Model, guard; when = nothing, name = "") =
+    add_transition(m, guard_of(m, guard); when = when, name = name, effect = STOP, trigger = EDGE)
+
+"""
+    note!(model, guard; when = nothing, name = "")
+
+Note where a condition becomes true, or an expression positive, and return the number of the event. Times and states are in
+`t_events` and `u_events` of a solution. No step ends for that. A condition that is true at the start has to be false first.
+"""
+note!(m::Model, guard; when = nothing, name = "") =
+    add_transition(m, guard_of(m, guard); when = when, name = name, effect = NOTE, trigger = EDGE)
+
+function add_transition(m::Model, guard; when = nothing, reset = nothing, to = nothing, name = "", effect = JUMP, trigger = LEVEL)
     after = Pair{Int64,Expression}[]
     for (k, v) in pairs_in(reset, "reset")
         v isa Real || mistake(:range, "reset: $k becomes one expression, not $(typeof(v))")
         push!(after, state_place(m, k) - 1 => Expression(v))
     end
-    t = Transition(guard, false, discrete_values(m, when, "when"), after, discrete_values(m, to, "to"))
-    isempty(t.reset) && isempty(t.to) && mistake(:state, "the transition changes nothing: give a reset, or discrete states `to`")
+    given = plain(name, "the name of an event")
+    isempty(given) || all(t -> t.name != given, m.transitions) || mistake(:range, "there is an event $given already: give this one another name")
+    t = Transition(guard, false, discrete_values(m, when, "when"), after, discrete_values(m, to, "to"), given, effect, trigger)
+    effect == JUMP && isempty(t.reset) && isempty(t.to) && mistake(:state, "the transition changes nothing: give a reset, or discrete states `to`")
     for (what, list) in (("when", t.from), ("reset", t.reset), ("to", t.to))
         allunique(first.(list)) || mistake(:range, "$what names a state twice")
     end

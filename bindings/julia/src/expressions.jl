@@ -129,10 +129,14 @@ Base.cospi(x::Expression) = cos(pi * x)
 Base.asinh(x::Expression) = log(x + sqrt(x * x + 1))
 Base.acosh(x::Expression) = log(x + sqrt(x * x - 1))
 Base.atanh(x::Expression) = 0.5log((1 + x) / (1 - x))
-for f in (:floor, :ceil, :trunc, :round, :mod, :rem, :div) # with any further arguments: the first one decides
+for f in (:ceil, :trunc, :round, :rem, :div) # with any further arguments: the first one decides
     @eval Base.$f(x::Expression, others::Real...; keywords...) =
         mistake(:unsupported, $("$f is not defined for expressions: use step_table, or write its steps by when"))
 end
+# they jump again and again, so they are for what is evaluated at single times: resets of transitions
+Base.floor(x::Expression) = applied(Lib.SWB_OPERATOR_FLOOR, x)
+Base.mod(x::Expression, y::Real) = x - y * floor(x / y)
+Base.fld(x::Expression, y::Real) = floor(x / y)
 Base.cbrt(x::Expression) = mistake(:unsupported, "cbrt is not defined for expressions: use sign(x) * abs(x)^(1/3)")
 Base.sincos(x::Expression) = (sin(x), cos(x))
 Base.abs2(x::Expression) = x * x

@@ -165,6 +165,7 @@ function System(m::Model)
     made = built(m)
     s = owned(System(created(AnySystem, Lib.swb_model_system, made), 0, sizes(m)..., 0, m.graph.serial, map(copy, m.names), copy(m.discrete)))
     s.n_subsystems = counts(m).subsystems
+    s.events = String[t.name for t in m.transitions]
     return s
 end
 

@@ -1,6 +1,6 @@
 # Event-driven simulation: every switch located, sliding modes as the equations they are.
 
-const RETCODES = Dict(:reached => :Success, :max_steps => :MaxIters, :step_too_small => :DtLessThanMin, :stopped => :Terminated)
+const RETCODES = Dict(:reached => :Success, :max_steps => :MaxIters, :step_too_small => :DtLessThanMin, :stopped => :Terminated, :event => :Terminated)
 
 """
 Result of `simulate`. Call it for states at any times: `sol(t)` is a vector, `sol([t1, t2])` a matrix with a column for each
@@ -12,6 +12,10 @@ time, `sol(t; order = 1)` derivatives with respect to time.
   `:spontaneous`), `subsystem`, the active modes `before` and `after`, `simultaneous`, `unique`, `rate` and `transversality`
 - `jumps`: the transitions in the order of time, NamedTuples with `t`, `transition`, the states `before` and `after`,
   `simultaneous` and `rate`; `intervals` has the values of discrete states with their times
+- `notes`: what `note!` wrote down, NamedTuples with `t`, the number `event`, the state `u` and `rate`; `note_derivatives` are the
+  derivatives of their times
+- `t_events(sol)`, `u_events(sol)`: times of every event, and the states just before, by name: `t_events(sol)[:landed]`
+- `stopped_by`: the event that ended the run, by its name, else its number; nothing if none did
 - `impacts`: of a scene, in the order of time, one for every contact with an impulse, NamedTuples with `t`, `contact` and its
   `name`, `kind` (`:collision`, `:last` of accumulating ones, `:painleve`: without collision), `rate_before` and `rate_after` of
   the gap, the impulses `normal` and `tangential`, `depth` (how far the bodies would overlap without it: small where the contact
@@ -36,6 +40,8 @@ mutable struct Solution <: AnyRun
     reason::String
     switches::Vector{NamedTuple}
     jumps::Vector{NamedTuple}
+    notes::Vector{NamedTuple}
+    stopped_by::Union{Nothing,Symbol,Int}
     impacts::Vector{NamedTuple}
     n_modes::Vector{Int}
     dx_dx0::Union{Nothing,Matrix{Float64}}
@@ -43,6 +49,7 @@ mutable struct Solution <: AnyRun
     dx_du::Union{Nothing,Matrix{Float64}}
     switch_derivatives::Union{Nothing,Matrix{Float64}}
     jump_derivatives::Union{Nothing,Matrix{Float64}}
+    note_derivatives::Union{Nothing,Matrix{Float64}}
     impact_derivatives::Union{Nothing,Matrix{Float64}}
     one_sided::Bool
     redundant::Bool
@@ -59,8 +66,8 @@ const NOT_KNOWN = Vector{Int}[]
 
 "The result that the library handed out, read."
 function Solution(address::Ptr{Lib.swb_run}, system::System)
-    s = owned(Solution(address, 0, system, Float64[], [], :none, :none, "", [], [], [], Int[], nothing, nothing, nothing, nothing, nothing,
-                       nothing, false, false, [], [], [], NamedTuple(), 0.0, 0.0, NOT_KNOWN))
+    s = owned(Solution(address, 0, system, Float64[], [], :none, :none, "", [], [], [], nothing, [], Int[], nothing, nothing, nothing, nothing, nothing,
+                       nothing, nothing, false, false, [], [], [], NamedTuple(), 0.0, 0.0, NOT_KNOWN))
     info = record(Lib.swb_run_info, Lib.swb_run_get_info, s)
     s.outcome = symbol(Lib.NAMES_swb_run_outcome, info.outcome)
     s.retcode = get(RETCODES, s.outcome, :Failure)
@@ -72,6 +79,10 @@ function Solution(address::Ptr{Lib.swb_run}, system::System)
     events = records(Lib.swb_event, info.n_events, Lib.swb_run_events, s)
     s.switches = NamedTuple[switch_of(s, k, e) for (k, e) in enumerate(events)]
     s.jumps = NamedTuple[jump_of(s, k, j, info.nx) for (k, j) in enumerate(records(Lib.swb_jump, info.n_jumps, Lib.swb_run_jumps, s))]
+    noted = records(Lib.swb_note, info.n_notes, Lib.swb_run_notes, s)
+    s.notes = NamedTuple[(t = c.t, event = Int(c.transition) + 1, u = numbers(Float64, info.nx, Lib.swb_run_note_state, s, k - 1), rate = c.rate)
+                         for (k, c) in enumerate(noted)]
+    s.stopped_by = info.stopped_by < 0 ? nothing : event_name(system, Int(info.stopped_by) + 1)
     s.impacts = NamedTuple[impact_of(system, i) for i in records(Lib.swb_impact, info.n_impacts, Lib.swb_run_impacts, s)]
     points = records(Lib.swb_branch_point, info.n_branch_points, Lib.swb_run_branch_points, s)
     s.branch_points = [(t = b.t, n_continuations = b.n_continuations, taken = b.taken < 0 ? nothing : b.taken + 1) for b in points]
@@ -104,6 +115,33 @@ function jump_of(s, k, j, nx)
     return (t = j.t, transition = Int(j.transition) + 1, before = before, after = after, simultaneous = j.simultaneous != 0, rate = j.rate)
 end
 
+"The name of an event, from 1; its number where it has none, or the names are not known."
+event_name(system, k) = k <= length(system.events) && !isempty(system.events[k]) ? Symbol(system.events[k]) : k
+
+function by_event(s, of_jump, of_note)
+    s.stats.jumps == length(s.jumps) && s.stats.notes == length(s.notes) ||
+        mistake(:state, "the run has more events than its lists: raise max_switches")
+    n = maximum([length(s.system.events); [j.transition for j in s.jumps]; [c.event for c in s.notes]])
+    found = Dict{Union{Symbol,Int},Any}(event_name(s.system, k) => [] for k in 1:n)
+    foreach(j -> push!(found[event_name(s.system, j.transition)], of_jump(j)), s.jumps)
+    foreach(c -> push!(found[event_name(s.system, c.event)], of_note(c)), s.notes)
+    return found
+end
+
+"""
+    t_events(solution)
+
+Times of every event, transitions, notes and ends, by name, or by number where it has none: `t_events(sol)[:landed]`.
+"""
+t_events(s::Solution) = Dict(k => Float64[v...] for (k, v) in by_event(s, j -> j.t, c -> c.t))
+
+"""
+    u_events(solution)
+
+States at the times of `t_events`, just before what happens there, a matrix with a column for each time.
+"""
+u_events(s::Solution) = Dict(k => reshape(reduce(vcat, v; init = Float64[]), s.system.nx, :) for (k, v) in by_event(s, j -> j.before, c -> c.u))
+
 "Places of the bits that are set, from 1."
 function set_bits(mask::UInt64)
     out = Int[]
@@ -130,6 +168,7 @@ function read_derivatives!(s, info)
     rows(get, count_) = permutedims(reshape(reduce(vcat, (numbers(Float64, n, get, s, k - 1) for k in 1:count_); init = Float64[]), Int(n), :))
     s.switch_derivatives = rows(Lib.swb_run_event_sensitivity, info.n_events)
     s.jump_derivatives = rows(Lib.swb_run_jump_sensitivity, info.n_jumps)
+    s.note_derivatives = rows(Lib.swb_run_note_sensitivity, info.n_notes)
     s.impact_derivatives = rows(Lib.swb_run_impact_sensitivity, info.n_impacts)
 end
 

@@ -19,9 +19,10 @@ mutable struct System <: AnySystem
     discrete::Vector{Float64} # values with which the last states begin
     contacts::Vector{Tuple{String,Int}} # of a scene: their names and numbers of tangents
     scene::Any # the scene it is of, or nothing
+    events::Vector{String} # names of the transitions
 
     System(address, uses, nx, nu, np, n_subsystems, serial, names, discrete) =
-        new(address, uses, nx, nu, np, n_subsystems, serial, names, discrete, [], nothing)
+        new(address, uses, nx, nu, np, n_subsystems, serial, names, discrete, [], nothing, String[])
 end
 
 function System(nx::Integer; controls = 0, parameters = 0, f0 = nothing)

@@ -128,7 +128,6 @@ end
         (:range, ["empty"], () -> edge!(a, () => :heat, v > 1)),
         (:range, ["no condition"], () -> edge!(a, :idle => :heat)),
         (:range, ["comparison"], () -> edge!(a, :idle => :heat, true)),
-        (:range, ["one comparison"], () -> edge!(a, :idle => :heat, (v > 1) & (v < 3))),
         (:range, ["already"], () -> edge!(a, :idle => :heat, v > 1)),
         (:range, ["changes nothing"], () -> edge!(a, :idle => :idle, v > 2)),
         (:range, ["no state :red"], () -> edge!(a, :idle => :heat, v > 2; given = b => :red)),
@@ -153,4 +152,25 @@ end
     sol = simulate(m, [0.0], 2.0)
     @test refused(() -> intervals(sol, :speed), :range) && refused(() -> intervals(sol, 9), :dimension)
     @test thrown(() -> from_json(Model, replace(to_json(m), "rising" => "upward"))) isa ArgumentMistake
+end
+
+@testset "events by name" begin
+    m = Model(states = (:q, :v))
+    q, v = m.x
+    n = discrete!(m, "n")
+    derivatives!(m, [v, -q])
+    @test note!(m, (q > 0) & (v > 0); name = :quadrant) == 1
+    @test transition!(m, q > 0.5; reset = n => n + floor(2.5q), edge = true) == 2
+    @test stop_at!(m, !(m.t < 12); name = "late") == 3
+    sol = simulate(m, [1.0, 0.0], 20.0; reltol = 1e-10, abstol = 1e-10, sensitivity = true)
+    @test sol.outcome == :event && sol.retcode == :Terminated && sol.stopped_by == :late && sol.t[end] ≈ 12
+    @test t_events(sol)[:quadrant] ≈ [1.5pi, 3.5pi] && t_events(sol)[2] ≈ [5pi / 3, 11pi / 3] && sol.u[end][3] == 2
+    @test u_events(sol)[:quadrant] ≈ [0.0 0.0; 1.0 1.0; 0.0 1.0] atol = 1e-8
+    @test size(sol.note_derivatives) == (2, 3) && sol.note_derivatives[1, 2] ≈ 1 atol = 1e-6
+    again = from_json(Model, to_json(m))
+    @test t_events(simulate(again, [1.0, 0.0], 20.0; reltol = 1e-10, abstol = 1e-10))[:quadrant] == t_events(sol)[:quadrant]
+    @test refused(() -> note!(m, q > 1; name = :late), :range, "late already")
+    other = Model(states = :x)
+    derivatives!(other, [mod(other.x[1], 2)])
+    @test refused(() -> simulate(other, [1.0], 1.0), :unsupported, "floor")
 end
