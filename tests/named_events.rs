@@ -384,6 +384,23 @@ fn documents_keep_names_effects_and_conditions() {
 }
 
 #[test]
+fn optimal_control_refuses_what_it_does_not_follow() {
+    let g = Graph::new();
+    let x = g.x(0);
+    let refused = |t: Transition, words: &str| {
+        let b = built(&g, 1, 0, &[g.constant(1.0)], vec![t]);
+        let made = switchback::ocp::Ocp::new(&b.system, 1.0, 2, &switchback::settings::Settings::default());
+        let e = made.map(|_| ()).unwrap_err().to_string();
+        assert!(e.contains(words), "{words}: {e}");
+    };
+    refused(jump(x - 0.5, vec![(0, x.clip(0.0, 0.1))]), "switches or rounds");
+    refused(jump(x - 0.5, vec![(0, x.floor())]), "switches or rounds");
+    refused(stop("end", x - 0.5), "stops");
+    refused(note("seen", x.gt(0.5)), "notes");
+    refused(Transition { guard: (x.gt(0.5) & x.lt(2.0)).id(), ..jump(x, vec![(0, x - 1.0)]) }, "joins");
+}
+
+#[test]
 fn what_makes_no_sense_is_refused() {
     let refused = |t: Vec<Transition>, g: &Graph, words: &str| {
         let mut m = Model::new("m", 2, 0, 0).unwrap();

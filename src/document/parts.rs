@@ -189,6 +189,8 @@ struct SavedTransition {
     /// States that the reset moves; none: all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     reset_states: Vec<usize>,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    reset_switches: bool,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     to: Vec<SavedValue>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -261,6 +263,7 @@ impl SavedSystem {
                 from: SavedValue::list(&t.from),
                 reset: t.reset.as_ref().map(|r| SavedFunction::new(&r.f)).transpose()?,
                 reset_states: t.reset.iter().filter(|r| r.rows.len() < d.x).flat_map(|r| r.rows.clone()).collect(),
+                reset_switches: t.reset.as_ref().is_some_and(|r| r.switches),
                 to: SavedValue::list(&t.to),
                 clauses: t.clauses.clone(),
                 rule: (&t.rule).into(),
@@ -311,8 +314,12 @@ impl SavedSystem {
                 direction: t.direction.into(),
                 from: SavedValue::values(&t.from),
                 reset: match &t.reset {
-                    Some(r) if t.reset_states.is_empty() => Some(r.restore_at_events(supplied)?.into()),
-                    Some(r) => Some(Reset { rows: t.reset_states.clone(), f: r.restore_at_events(supplied)? }),
+                    Some(r) => {
+                        let f = r.restore_at_events(supplied)?;
+                        let rows =
+                            if t.reset_states.is_empty() { (0..self.states).collect() } else { t.reset_states.clone() };
+                        Some(Reset { rows, f, switches: t.reset_switches })
+                    }
                     None => None,
                 },
                 to: SavedValue::values(&t.to),

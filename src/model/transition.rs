@@ -212,11 +212,12 @@ impl Built {
         };
         let (watched, clauses, direction) = watched(dag, &t)?;
         let guard = function(dag, &format!("guard{k}"), &watched)?;
-        let mut reset = None;
+        let (mut reset, mut switches) = (None, false);
         if !t.reset.is_empty() {
             let mut moved = t.reset.clone();
             moved.sort_unstable_by_key(|r| r.0);
             let (rows, ids): (Vec<usize>, Vec<Id>) = moved.into_iter().unzip();
+            switches = dag.has_floor(&ids) || !dag.switches_of(&ids).is_empty();
             let f = dag.function_at_events(&format!("reset{k}"), self.dims, &ids)?;
             reset = Some((rows, Arc::new(f)));
         }
@@ -225,7 +226,7 @@ impl Built {
             clauses,
             direction,
             from: t.from.clone(),
-            reset: reset.clone().map(|(rows, f)| Reset { rows, f }),
+            reset: reset.clone().map(|(rows, f)| Reset { rows, f, switches }),
             to: t.to.clone(),
             rule: t.rule.clone(),
         };

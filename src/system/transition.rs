@@ -173,12 +173,14 @@ pub struct Reset {
     pub rows: Vec<usize>,
     /// Their new values, one output for each, of the state before.
     pub f: SharedFunction,
+    /// Does it switch or jump, so that its derivatives are those of one branch?
+    pub switches: bool,
 }
 
 impl From<SharedFunction> for Reset {
     /// Reset of all states.
     fn from(f: SharedFunction) -> Reset {
-        Reset { rows: (0..f.dims().x).collect(), f }
+        Reset { rows: (0..f.dims().x).collect(), f, switches: false }
     }
 }
 
@@ -369,6 +371,11 @@ impl System {
             return Err(Error::Unsupported(format!(
                 "optimal control follows transitions of one comparison that act where it is true: transition {k} notes, stops, waits for an \
                  edge, or joins comparisons"
+            )));
+        }
+        if let Some(k) = self.transitions.iter().position(|t| t.reset.as_ref().is_some_and(|r| r.switches)) {
+            return Err(Error::Unsupported(format!(
+                "optimal control follows smooth resets only: that of transition {k} switches or rounds"
             )));
         }
         if self.transitions.is_empty() || (self.n_z == 0 && self.inclusions.is_empty()) {

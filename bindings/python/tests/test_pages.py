@@ -53,7 +53,7 @@ def refused(make, *errors):
 def test_limits_of_models():
     m = swb.Model(states="q v")
     m.derivatives = [m.v, 0]
-    m.transition(m.q > 1, reset={m.v: swb.clip(m.v, -1, 1)})
+    m.transition(abs(m.q) > 1, reset={m.v: swb.clip(m.v, -1, 1)})
     refused(m.system)
     t = swb.Model(states="q")
     t.derivatives = [1]
