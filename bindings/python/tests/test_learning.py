@@ -47,6 +47,45 @@ def test_a_flow_has_the_gradient_of_differences():
     assert np.array_equal(np.concatenate(flow.gradient(weights, X0, P, U)), found)  # made again, for it was used up
 
 
+def test_many_flows_are_single_ones():
+    flow = Flow(spring(), T, None, OPTIONS)
+    x0, p = np.array([X0, 2 * X0, -X0]), np.array([P, 1.1 * P, 0.9 * P])
+    u = np.tile(U, (3, 1))
+    each = [flow(*one) for one in zip(x0, p, u)]
+    assert np.allclose(flow.several(x0, p, u), each, atol=1e-8)  # steps of single ones are limited by derivatives, too
+    assert np.array_equal(Flow(spring(), T, AT, OPTIONS).several(x0, p, u)[:, -1], [Flow(spring(), T, AT, OPTIONS)(*one)[-1] for one in zip(x0, p, u)])
+    one_each = Flow(spring(), T, None, {"rtol": [1e-11] * 2, "atol": 1e-12})
+    assert np.allclose(one_each.several(x0, p, u), each, atol=1e-8)
+    with pytest.raises(swb.NumericError, match="simulation 1 ended"):
+        Flow(swb.System(1, f0=lambda x: [x[0] ** 2]), 2.0, None, {}).several([[0.1], [1.0]], np.empty((2, 0)), np.empty((2, 0)))
+
+
+def test_a_flow_ends_at_an_event():
+    m = Model(states="y v", parameters="c")
+    m.derivatives = [m.v, m.c * m.v**2 - 9.81]
+    m.stop_at(m.y < 0)
+    flow = Flow(m, 100.0, None, OPTIONS)
+    speed = lambda c: flow([10.0, 0.0], [c], [])[1]
+    found = flow.gradient([0.0, 1.0], [10.0, 0.0], [0.1], [])
+    assert found.p[0] == pytest.approx((speed(0.1 + 1e-5) - speed(0.1 - 1e-5)) / 2e-5, rel=1e-7)
+    with pytest.raises(swb.NumericError, match="ended at t = "):
+        Flow(m, 100.0, [50.0, 100.0], OPTIONS)([10.0, 0.0], [0.1], [])
+
+
+def test_derivatives_in_a_direction():
+    run = swb.simulate(spring(), X0, T, p=P, u=U, sensitivity=True, **OPTIONS)
+    dx0, dp, du = np.array([0.3, -0.2]), np.array([0.1, 0.05]), np.array([0.2])
+    end = lambda h: swb.simulate(spring(), X0 + h * dx0, T, p=P + h * dp, u=U + h * du, **OPTIONS).x_end
+    h = 1e-5
+    assert run.jvp(dx0, dp, du) == pytest.approx((end(h) - end(-h)) / (2 * h), rel=1e-6, abs=1e-7)
+    assert np.array_equal(run.jvp(p={"k": 1, "mu": 0}), run.dx_dp[:, 0]) and not run.jvp().any()
+    inputs = swb.simulate(spring(), X0, T, p=P, u=U, sensitivity="inputs")
+    with pytest.raises(swb.StateError, match="by x0"):
+        inputs.jvp(x0=dx0)
+    with pytest.raises(swb.DimensionError):
+        run.jvp(p=[1.0])
+
+
 def test_flows_refuse():
     with pytest.raises(swb.RangeError, match="rising times"):
         Flow(spring(), T, [2.0, 1.0], {})
@@ -72,6 +111,13 @@ def test_jax():
             assert np.allclose(found, exact, rtol=1e-10, atol=1e-10)
     several = jax.vmap(lambda x: loss(x, P, U))(np.array([X0, 2 * X0]))
     assert several[0] == pytest.approx(float(loss(X0, P, U)), rel=1e-12)
+    p = np.array([P, 1.1 * P])
+    both = jax.vmap(lambda x, p: loss(x, p, U))(np.array([X0, 2 * X0]), p)
+    assert both[1] == pytest.approx(float(loss(2 * X0, p[1], U)), rel=1e-12)
+    nested = jax.jit(jax.vmap(lambda x: jax.vmap(lambda q: loss(x, q, U))(p)))(np.array([X0, 2 * X0]))
+    assert nested.shape == (2, 2) and nested[1, 1] == pytest.approx(float(both[1]), rel=1e-12)
+    gradients = jax.vmap(jax.grad(lambda x: loss(x, P, U)))(np.array([X0, 2 * X0]))
+    assert np.allclose(gradients[0], wanted.x0, rtol=1e-10, atol=1e-10)
     inside = swb.jax.simulate(model, X0, T, p=P, u=U, at=AT, **OPTIONS)
     assert np.allclose(inside, Flow(model, T, AT, OPTIONS)(X0, P, U), rtol=1e-12)
 

@@ -11,6 +11,8 @@ import numpy
 
 from ._arrays import Array, real
 from ._run_options import _span
+from ._ffi import RunOutcome
+from .batches import simulate_batch
 from .errors import NumericError, RangeError
 from .expr import system_of
 from .integrator import Integrator
@@ -22,7 +24,7 @@ _KEPT = 8  # simulations whose adjoint may be asked for
 
 
 class Flow:
-    """States of a system at times as a function of initial state, parameters and controls, with its adjoint.
+    """States of a system at times, or where an event ends it, as a function of initial state, parameters and controls, with its adjoint.
 
     `at` are the times, rising, within the time span; None is its end alone. Initial state, parameters and controls are flat
     arrays, the latter constant. The last simulations are kept for their adjoints; another one is made again for it."""
@@ -55,7 +57,8 @@ class Flow:
         for k, t in enumerate(self.times):
             if t > self.start:
                 i.advance(t)
-                if i.time != t:
+                # a run that an event ends has its state there, whose derivatives have the time of the end in them
+                if i.time != t and not (self.single and i.outcome == RunOutcome.EVENT):
                     raise NumericError(f"the simulation ended at t = {i.time:g}, before {t:g}: {i.reason}")
             states[k] = i.state
         return i, states
@@ -69,6 +72,24 @@ class Flow:
             while len(self._kept) > _KEPT:
                 self._kept.popitem(last=False)
         return states.reshape(self.shape)
+
+    def several(self, *inputs: Any) -> Array:
+        """States at the end for many inputs, whose first dimension they share: on several threads."""
+        x0, p, u = (numpy.array(a, dtype=float) for a in inputs)
+        alone = any(k in self._options for k in ("preferred", "on_step", "on_branching", "on_log"))
+        alone |= any(numpy.ndim(self._options.get(k)) for k in ("rtol", "atol"))  # a batch takes one for all states
+        if not self.single or len(x0) == 0 or alone:
+            each = [self(*one) for one in zip(x0, p, u)]
+            return numpy.array(each, dtype=float).reshape((len(x0), *self.shape))
+        options = {k: v for k, v in self._options.items() if k != "adjoint"}
+        given = {"u": u.reshape(len(x0), -1), "p": p.reshape(len(x0), -1)}
+        rows = {name: a for name, a in given.items() if a.shape[1]}
+        batch = simulate_batch(self.system, x0.reshape(len(x0), -1), (self.start, self.end), **rows, **options)
+        if not batch.success.all():
+            first = int(numpy.flatnonzero(~batch.success)[0])
+            run = batch[first]
+            raise NumericError(f"simulation {first} ended at t = {run.t_end:g}, before {self.end:g}: {run.reason}")
+        return batch.x
 
     def gradient(self, weights: Any, *inputs: Any) -> Gradient:
         """Gradient of the sum of the states times `weights`, an array of their shape."""

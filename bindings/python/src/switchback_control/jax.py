@@ -9,7 +9,7 @@
 
     jax.grad(loss)(p)
 
-Works under `jit`, `grad` and `vmap` (which simulates one after the other). Numbers have the precision of `x0`: without x64 that is
+Works under `jit`, `grad` and `vmap`, which simulates on several threads; gradients of many are made one after the other. Numbers have the precision of `x0`: without x64 that is
 single precision. Needs JAX: pip install jax.
 """
 
@@ -30,7 +30,7 @@ __all__ = ["simulate"]
 def simulate(
     system: Any, x0: Any, t_span: Any, *, p: Any = None, u: Any = None, at: Sequence[float] | None = None, **options: Any
 ) -> Any:
-    """The state at the end of `t_span`, [nx], or at the rising times `at`, [times, nx], as a function of initial state `x0`,
+    """The state at the end of `t_span`, or where an event of `Model.stop_at` ends the run, [nx], or at the rising times `at`, [times, nx], as a function of initial state `x0`,
     parameters `p` and constant controls `u` that JAX can differentiate once, backwards. `options` are those of `Integrator`.
 
     Errors: what `Integrator` raises, wrapped by JAX where it calls back; NumericError where the simulation ends early."""
@@ -42,7 +42,13 @@ def simulate(
     places = tuple(jax.ShapeDtypeStruct(v.shape, kind) for v in inputs)
 
     def run(*given: Any) -> Any:
-        return numpy.asarray(flow(*given), dtype=kind)
+        shapes = [numpy.shape(v)[:-1] for v in given]
+        if not any(shapes):
+            return numpy.asarray(flow(*given), dtype=kind)
+        # under vmap: dimensions in front, of length one where an input has none of its own
+        many = numpy.broadcast_shapes(*shapes)
+        flat = [numpy.broadcast_to(v, (*many, numpy.shape(v)[-1])).reshape(-1, numpy.shape(v)[-1]) for v in given]
+        return numpy.asarray(flow.several(*flat), dtype=kind).reshape((*many, *flow.shape))
 
     def back(weights: Any, *given: Any) -> Any:
         parts = flow.gradient(weights, *given)
@@ -50,7 +56,7 @@ def simulate(
 
     @jax.custom_vjp
     def end(*given: Any) -> Any:
-        return jax.pure_callback(run, result, *given, vmap_method="sequential")
+        return jax.pure_callback(run, result, *given, vmap_method="expand_dims")
 
     def forward(*given: Any) -> Any:
         return end(*given), given

@@ -15,7 +15,7 @@ from ._call import Handle, text
 from ._ffi import EventKind, ProgressKind, RunOutcome
 from ._foreign import Hints
 from ._library import lib
-from ._names import nearest
+from ._names import named_vector, nearest
 from .errors import ArgumentError, DimensionError, StateError
 from .recorded import EndState, Recorded, labels
 from .scene import Impact, ImpactKind, SceneContact
@@ -436,6 +436,20 @@ class Run(Hints, Recorded, Handle):
     def switch_times(self) -> Array:
         """Times of the switches."""
         return numpy.array([s.t for s in self.switches])
+
+    def jvp(self, x0: Any = None, p: Any = None, u: Any = None) -> Array:
+        """The derivative of the last state in a direction, [nx]: `x0`, `p` and `u` are the changes of initial state, parameters and controls,
+        none where they are left out. Needs `sensitivity=True`; "inputs" is enough for `p` and `u`."""
+        out = numpy.zeros(self.nx)
+        states, controls, parameters = self.system._names
+        blocks = (("x0", x0, self.dx_dx0, states), ("p", p, self.dx_dp, parameters), ("u", u, self.dx_du, controls))
+        for name, change, matrix, names in blocks:
+            if change is None:
+                continue
+            if matrix is None:
+                raise StateError(f"the derivatives by {name} are not there: simulate with sensitivity=True")
+            out += matrix @ named_vector(change, names, matrix.shape[1], name)
+        return out
 
     @property
     def y(self) -> Array:
