@@ -393,7 +393,13 @@ fn transitions_that_make_no_sense_are_refused_in_words() {
         (jump(r#"["x",0]"#, "", to), "0 states has 0 expressions"),
         (jump(r#"["x",0]"#, "7", to), "transition 0: refers to node 7"),
         (jump(r#"["x",2]"#, "0", to), "x[2]"),
-        (jump(r#"["x",0],["positive",0]"#, "1", to), "is a condition"),
+        (jump(r#"["x",0],["positive",0]"#, "0,1", &format!("{to},\"reset\":[0]")), "is a condition"),
+        (jump(r#"["x",0]"#, "0", ",\"rule\":{\"effect\":\"stop\"}"), "trigger edge"),
+        (
+            jump(r#"["x",0]"#, "0", &format!("{to},\"rule\":{{\"effect\":\"note\",\"trigger\":\"edge\"}}")),
+            "second transition",
+        ),
+        (jump(r#"["x",0]"#, "0", ",\"rule\":{\"effect\":\"end\"}"), "unknown variant `end`"),
         (jump(r#"["x",0],["positive",0],["const",1],["neg",2],["where",1,2,3]"#, "4", to), "guard0: sign"),
         (jump(r#"["x",0]"#, "0", &format!("{to},\"more\":1")), "unknown field `more`"),
     ] {

@@ -114,7 +114,7 @@ def test_jax():
     p = np.array([P, 1.1 * P])
     both = jax.vmap(lambda x, p: loss(x, p, U))(np.array([X0, 2 * X0]), p)
     assert both[1] == pytest.approx(float(loss(2 * X0, p[1], U)), rel=1e-12)
-    nested = jax.jit(jax.vmap(lambda x: jax.vmap(lambda q: loss(x, q, U))(p)))(np.array([X0, 2 * X0]))
+    nested = jax.jit(jax.vmap(lambda x: jax.vmap(lambda q: loss(x, q, U))(jax.numpy.asarray(p))))(np.array([X0, 2 * X0]))
     assert nested.shape == (2, 2) and nested[1, 1] == pytest.approx(float(both[1]), rel=1e-12)
     gradients = jax.vmap(jax.grad(lambda x: loss(x, P, U)))(np.array([X0, 2 * X0]))
     assert np.allclose(gradients[0], wanted.x0, rtol=1e-10, atol=1e-10)

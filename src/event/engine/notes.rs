@@ -137,6 +137,40 @@ impl Engine {
         r
     }
 
+    /// A run begins: what is true before anything happens is not noted, and what a jump at this time makes true is.
+    pub(super) fn note_start(&mut self) -> Result<()> {
+        let Some(mut notes) = self.notes.take() else { return Ok(()) };
+        let mut r = Ok(());
+        for k in 0..notes.all.len() {
+            if r.is_ok() && notes.all[k].held.is_none() && self.is_watched(&notes, k) {
+                let known = self.look_at_start(&mut notes, k);
+                r = recover(known.map(|()| true), false).map(|known| {
+                    notes.all[k].held = known.then(|| notes.all[k].is_true());
+                });
+            }
+        }
+        self.notes = Some(notes);
+        r
+    }
+
+    /// Are the discrete states as a note asks?
+    fn is_watched(&self, notes: &Notes, k: usize) -> bool {
+        notes.all[k].transition.from.iter().all(|&(state, value)| self.x[state] == value)
+    }
+
+    /// Finds out which functions of a note are beyond zero at the present point, or at zero and on their way.
+    fn look_at_start(&mut self, notes: &mut Notes, k: usize) -> EvalResult {
+        let (t, n) = (self.t, notes.all[k].beyond.len());
+        let at = Point { t, x: &self.x, u: &self.field.u, p: &self.field.p };
+        notes.all[k].values(0, &at, &mut notes.work)?;
+        self.gradients_of(notes, k, t, &self.x)?;
+        for l in 0..n {
+            let own = self.is_on_its_way(notes, k, (l, 0), (t, &self.x), &self.f);
+            notes.all[k].beyond[l] = own.unwrap_or(notes.all[k].v[0][l] > 0.0);
+        }
+        Ok(())
+    }
+
     /// Value of the terms of function `l` at a point, its rounding in units of the machine precision, and its rate; of the Jacobian that stands in
     /// `jac`.
     fn rate_of(&self, notes: &Notes, l: usize, (t, x): (f64, &[f64]), f: &[f64]) -> (f64, f64) {
@@ -169,21 +203,13 @@ impl Engine {
     }
 
     fn look_through(&mut self, notes: &mut Notes, k: usize, t1: f64) -> std::result::Result<(), EvalError> {
-        let watched = notes.all[k].transition.from.iter().all(|&(state, value)| self.x[state] == value);
-        if !watched {
+        if !self.is_watched(notes, k) {
             notes.all[k].held = None;
             return Ok(());
         }
         let (t0, n) = (self.t, notes.all[k].beyond.len());
-        let at = Point { t: t0, x: &self.x, u: &self.field.u, p: &self.field.p };
         let before = notes.all[k].held;
-        notes.all[k].values(0, &at, &mut notes.work)?;
-        self.gradients_of(notes, k, t0, &self.x)?;
-        for l in 0..n {
-            let own = self.is_on_its_way(notes, k, (l, 0), (t0, &self.x), &self.f);
-            // from here on they say on which side a function begins
-            notes.all[k].beyond[l] = own.unwrap_or(notes.all[k].v[0][l] > 0.0);
-        }
+        self.look_at_start(notes, k)?;
         if before == Some(false) && notes.all[k].is_true() {
             // a jump has made it true
             let dt = self.derivatives.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone());

@@ -35,6 +35,9 @@ impl Engine {
             self.log(&before, f64::NAN, None, unique);
         }
         self.check_discrete()?;
+        if self.notes.is_some() {
+            self.note_start()?;
+        }
         self.derivatives.time_row.fill(0.0);
         // transitions that the last call has left happen at a time of their own, while data change at this one
         self.log.one_sided |= std::mem::take(&mut self.unmade);
