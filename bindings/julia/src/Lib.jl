@@ -807,13 +807,15 @@ lengths, free parameters and free initial states, when every change is simulated
 - `SWB_VERDICT_LOCAL_OPTIMUM`: No change lowers the cost to first order, or a descent on simulations gains nothing.
 - `SWB_VERDICT_KINK`: The same at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises towards either side.
 - `SWB_VERDICT_NOT_OPTIMAL`: Some change lowers the cost to first order.
+- `SWB_VERDICT_GLOBAL`: An exact search over all choices (swb_system_add_choice) found no answer that costs less by more than the gap of swb_optimality.
 """
 const swb_verdict = Int64
 const SWB_VERDICT_UNKNOWN = swb_verdict(0)
 const SWB_VERDICT_LOCAL_OPTIMUM = swb_verdict(1)
 const SWB_VERDICT_KINK = swb_verdict(2)
 const SWB_VERDICT_NOT_OPTIMAL = swb_verdict(3)
-const NAMES_swb_verdict = [:unknown => 0, :local_optimum => 1, :kink => 2, :not_optimal => 3]
+const SWB_VERDICT_GLOBAL = swb_verdict(4)
+const NAMES_swb_verdict = [:unknown => 0, :local_optimum => 1, :kink => 2, :not_optimal => 3, :global => 4]
 
 """
 How an optimal control problem of a scene finds contact modes and impacts.
@@ -1128,6 +1130,7 @@ table (`swb_option_range`).
 - `search_gain`: Share of the cost by which a solution has to be better for a search to go on for it: smaller gains are taken, but not worked for.
 - `search_samples`: Random controls that a search draws and simulates at a time; 0: none.
 - `search_seed`: Seed of the random controls of a search.
+- `search_exact`: Work of an exact search over choices at most, in variables of a program times iterations, or states times steps of simulations; 0: none.
 """
 struct swb_settings
     struct_size::UInt64
@@ -1198,8 +1201,9 @@ struct swb_settings
     search_gain::Cdouble
     search_samples::Int64
     search_seed::Int64
+    search_exact::Cdouble
 end
-sizeof(swb_settings) == 544 || error("swb_settings has another size than in C")
+sizeof(swb_settings) == 552 || error("swb_settings has another size than in C")
 
 """
 Residuals of the optimality conditions, unscaled, maximum norm.
@@ -1977,14 +1981,16 @@ Optimality of an optimal control.
 - `verdict`: enum swb_verdict.
 - `n_kinks`: Switches that lie between two control stages, see swb_ocp_get_kink.
 - `residual`: Largest first-order change of the cost by one quantity within its bounds, over the size of the quantity, relative to what single terms of cost and constraints change; NaN where it is not known. Up to 1e-4 counts as none.
+- `gap`: Largest share of the cost by which an answer with other choices may be cheaper; NaN where that is not known.
 """
 struct swb_optimality
     struct_size::UInt64
     verdict::Int64
     n_kinks::Int64
     residual::Cdouble
+    gap::Cdouble
 end
-sizeof(swb_optimality) == 32 || error("swb_optimality has another size than in C")
+sizeof(swb_optimality) == 40 || error("swb_optimality has another size than in C")
 
 """
 A switch that lies between two control stages, or a surface that is touched: there the cost has a kink.
@@ -2166,6 +2172,8 @@ const NAMES = [
     :swb_model_report,
     :swb_model_write_c,
     :swb_model_free,
+    :swb_system_add_choice,
+    :swb_model_add_choice,
     :swb_trajectory_get_info,
     :swb_trajectory_times,
     :swb_trajectory_states,
@@ -3450,6 +3458,39 @@ Free; systems made of the model stay. NULL is allowed.
 swb_model_free(model) = ccall(address(79), Cvoid, (Ptr{swb_model},), model)
 
 """
+    swb_system_add_choice(system, control, values, n, dwell, index) -> swb_status
+
+Say that a control chooses among values: on or off, a gear, a number of machines. Optimal control problems made of the system later search the
+best choice of every control stage; simulations take any value.
+
+@param[in]  control from 0
+@param[in]  values  [n] in any order
+@param[in]  dwell   time for which a value holds at least once it was chosen, 0 for none. The value at the start of a horizon may be left at any
+                    time, and the end of the horizon may cut the last one short.
+@param[out] index   number of the choice; may be NULL
+@return SWB_OK; SWB_ERR_RANGE for a control that does not exist or chooses already, for values that are not finite, repeat or are none,
+        and for a dwell time that is negative or not finite
+"""
+swb_system_add_choice(system, control, values, n, dwell, index) =
+    ccall(address(80), swb_status, (Ptr{swb_system}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), system,
+        control, values, n, dwell, index)
+
+"""
+    swb_model_add_choice(model, control, values, n, dwell, index) -> swb_status
+
+Say that a control of a model, and thereby of all systems made of it later, chooses among values; see swb_system_add_choice.
+
+@param[in]  control from 0
+@param[in]  values  [n] in any order
+@param[in]  dwell   time for which a value holds at least once it was chosen, 0 for none
+@param[out] index   number of the choice; may be NULL
+@return as swb_system_add_choice
+"""
+swb_model_add_choice(model, control, values, n, dwell, index) =
+    ccall(address(81), swb_status, (Ptr{swb_model}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), model,
+        control, values, n, dwell, index)
+
+"""
     swb_trajectory_get_info(trajectory, info, struct_size) -> swb_status
 
 Numbers of a trajectory.
@@ -3459,7 +3500,7 @@ Numbers of a trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_trajectory_get_info(trajectory, info, struct_size) =
-    ccall(address(80), swb_status, (Ptr{swb_trajectory}, Ptr{swb_trajectory_info}, UInt64), trajectory, info,
+    ccall(address(82), swb_status, (Ptr{swb_trajectory}, Ptr{swb_trajectory_info}, UInt64), trajectory, info,
         struct_size)
 
 """
@@ -3471,7 +3512,7 @@ Times of the element boundaries.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_times(trajectory, t, n) =
-    ccall(address(81), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
+    ccall(address(83), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
 
 """
     swb_trajectory_states(trajectory, x, n) -> swb_status
@@ -3483,7 +3524,7 @@ States at the element boundaries.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_states(trajectory, x, n) =
-    ccall(address(82), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
+    ccall(address(84), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
 
 """
     swb_trajectory_steps(trajectory, h, n) -> swb_status
@@ -3494,7 +3535,7 @@ Lengths of the elements.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_steps(trajectory, h, n) =
-    ccall(address(83), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, h, n)
+    ccall(address(85), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, h, n)
 
 """
     swb_trajectory_control_stages(trajectory, stage, n) -> swb_status
@@ -3505,7 +3546,7 @@ Control stages the elements belong to; 0 in simulations.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_control_stages(trajectory, stage, n) =
-    ccall(address(84), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, stage, n)
+    ccall(address(86), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, stage, n)
 
 """
     swb_trajectory_modes(trajectory, n_modes, n) -> swb_status
@@ -3516,7 +3557,7 @@ Numbers of modes of the subsystems that can switch.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_modes(trajectory, n_modes, n) =
-    ccall(address(85), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, n_modes, n)
+    ccall(address(87), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, n_modes, n)
 
 """
     swb_trajectory_active(trajectory, active, n) -> swb_status
@@ -3527,7 +3568,7 @@ Which modes are active in the elements: one alone, or several in a sliding mode.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_active(trajectory, active, n) =
-    ccall(address(86), swb_status, (Ptr{swb_trajectory}, Ptr{Int32}, Int64), trajectory, active, n)
+    ccall(address(88), swb_status, (Ptr{swb_trajectory}, Ptr{Int32}, Int64), trajectory, active, n)
 
 """
     swb_trajectory_stage_times(trajectory, t, n) -> swb_status
@@ -3538,7 +3579,7 @@ Times of the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_times(trajectory, t, n) =
-    ccall(address(87), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
+    ccall(address(89), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
 
 """
     swb_trajectory_stage_states(trajectory, x, n) -> swb_status
@@ -3549,7 +3590,7 @@ States at the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_states(trajectory, x, n) =
-    ccall(address(88), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
+    ccall(address(90), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
 
 """
     swb_trajectory_stage_theta(trajectory, theta, n) -> swb_status
@@ -3560,7 +3601,7 @@ Convex multipliers of the modes at the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_theta(trajectory, theta, n) =
-    ccall(address(89), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, theta, n)
+    ccall(address(91), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, theta, n)
 
 """
     swb_trajectory_switches(trajectory, switches, n, struct_size) -> swb_status
@@ -3572,7 +3613,7 @@ Switches in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_switches(trajectory, switches, n, struct_size) =
-    ccall(address(90), swb_status, (Ptr{swb_trajectory}, Ptr{swb_switch}, Int64, UInt64), trajectory, switches, n,
+    ccall(address(92), swb_status, (Ptr{swb_trajectory}, Ptr{swb_switch}, Int64, UInt64), trajectory, switches, n,
         struct_size)
 
 """
@@ -3585,7 +3626,7 @@ States at any times, by the polynomials of the elements.
 @return SWB_OK; SWB_ERR_RANGE if a time is outside; SWB_ERR_STATE if the trajectory is empty
 """
 swb_trajectory_state_at(trajectory, t, n_t, x, n_x) =
-    ccall(address(91), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), trajectory, t,
+    ccall(address(93), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), trajectory, t,
         n_t, x, n_x)
 
 """
@@ -3593,7 +3634,7 @@ swb_trajectory_state_at(trajectory, t, n_t, x, n_x) =
 
 Free; NULL is allowed.
 """
-swb_trajectory_free(trajectory) = ccall(address(92), Cvoid, (Ptr{swb_trajectory},), trajectory)
+swb_trajectory_free(trajectory) = ccall(address(94), Cvoid, (Ptr{swb_trajectory},), trajectory)
 
 """
     swb_simulator_create(system, settings, out) -> swb_status
@@ -3607,7 +3648,7 @@ Create a simulator. Time, state, controls and parameters are zero until they are
         range; SWB_ERR_UNSUPPORTED if options do not go together
 """
 swb_simulator_create(system, settings, out) =
-    ccall(address(93), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_simulator}}), system, settings,
+    ccall(address(95), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_simulator}}), system, settings,
         out)
 
 """
@@ -3619,7 +3660,7 @@ Set time and state, and begin a new trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_simulator_set_state(sim, t, x, nx) =
-    ccall(address(94), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Cdouble}, Int64), sim, t, x, nx)
+    ccall(address(96), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Cdouble}, Int64), sim, t, x, nx)
 
 """
     swb_simulator_set_controls(sim, u, nu) -> swb_status
@@ -3630,7 +3671,7 @@ Set the controls, constant from now on.
 @return as swb_simulator_set_state
 """
 swb_simulator_set_controls(sim, u, nu) =
-    ccall(address(95), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, u, nu)
+    ccall(address(97), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, u, nu)
 
 """
     swb_simulator_set_params(sim, p, np) -> swb_status
@@ -3641,7 +3682,7 @@ Set the parameters.
 @return as swb_simulator_set_state
 """
 swb_simulator_set_params(sim, p, np) =
-    ccall(address(96), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, p, np)
+    ccall(address(98), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, p, np)
 
 """
     swb_simulator_run(sim, duration, n_steps, outcome) -> swb_status
@@ -3655,7 +3696,7 @@ the last step that was done.
         SWB_ERR_NONFINITE if one has no value where it is needed
 """
 swb_simulator_run(sim, duration, n_steps, outcome) =
-    ccall(address(97), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{Int32}), sim, duration, n_steps,
+    ccall(address(99), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{Int32}), sim, duration, n_steps,
         outcome)
 
 """
@@ -3667,7 +3708,7 @@ Simulate one step of n_fe finite elements over the duration h; the trajectory gr
 @return as swb_simulator_run
 """
 swb_simulator_step(sim, h, outcome) =
-    ccall(address(98), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Int32}), sim, h, outcome)
+    ccall(address(100), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Int32}), sim, h, outcome)
 
 """
     swb_simulator_clear(sim) -> swb_status
@@ -3676,7 +3717,7 @@ Forget trajectory and statistics; time and state stay.
 
 @return SWB_OK
 """
-swb_simulator_clear(sim) = ccall(address(99), swb_status, (Ptr{swb_simulator},), sim)
+swb_simulator_clear(sim) = ccall(address(101), swb_status, (Ptr{swb_simulator},), sim)
 
 """
     swb_simulator_sizes(sim, nx, nu, np) -> swb_status
@@ -3689,7 +3730,7 @@ Sizes of a simulator.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_simulator_sizes(sim, nx, nu, np) =
-    ccall(address(100), swb_status, (Ptr{swb_simulator}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), sim, nx, nu, np)
+    ccall(address(102), swb_status, (Ptr{swb_simulator}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), sim, nx, nu, np)
 
 """
     swb_simulator_get_time(sim, t) -> swb_status
@@ -3698,7 +3739,7 @@ Time reached.
 
 @return SWB_OK
 """
-swb_simulator_get_time(sim, t) = ccall(address(101), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}), sim, t)
+swb_simulator_get_time(sim, t) = ccall(address(103), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}), sim, t)
 
 """
     swb_simulator_get_state(sim, x, nx) -> swb_status
@@ -3709,7 +3750,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_state(sim, x, nx) =
-    ccall(address(102), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, x, nx)
+    ccall(address(104), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, x, nx)
 
 """
     swb_simulator_get_outcome(sim, outcome) -> swb_status
@@ -3720,7 +3761,7 @@ How the last step ended.
 @return SWB_OK
 """
 swb_simulator_get_outcome(sim, outcome) =
-    ccall(address(103), swb_status, (Ptr{swb_simulator}, Ptr{Int32}), sim, outcome)
+    ccall(address(105), swb_status, (Ptr{swb_simulator}, Ptr{Int32}), sim, outcome)
 
 """
     swb_simulator_get_residuals(sim, residuals, struct_size) -> swb_status
@@ -3732,7 +3773,7 @@ Largest residuals over the steps of the trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_residuals(sim, residuals, struct_size) =
-    ccall(address(104), swb_status, (Ptr{swb_simulator}, Ptr{swb_residuals}, UInt64), sim, residuals, struct_size)
+    ccall(address(106), swb_status, (Ptr{swb_simulator}, Ptr{swb_residuals}, UInt64), sim, residuals, struct_size)
 
 """
     swb_simulator_get_stats(sim, stats, struct_size) -> swb_status
@@ -3744,7 +3785,7 @@ What the steps of the trajectory cost.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_stats(sim, stats, struct_size) =
-    ccall(address(105), swb_status, (Ptr{swb_simulator}, Ptr{swb_stats}, UInt64), sim, stats, struct_size)
+    ccall(address(107), swb_status, (Ptr{swb_simulator}, Ptr{swb_stats}, UInt64), sim, stats, struct_size)
 
 """
     swb_simulator_get_trajectory(sim, out) -> swb_status
@@ -3755,7 +3796,7 @@ A copy of the trajectory since the state was set; empty before the first step.
 @return SWB_OK
 """
 swb_simulator_get_trajectory(sim, out) =
-    ccall(address(106), swb_status, (Ptr{swb_simulator}, Ptr{Ptr{swb_trajectory}}), sim, out)
+    ccall(address(108), swb_status, (Ptr{swb_simulator}, Ptr{Ptr{swb_trajectory}}), sim, out)
 
 """
     swb_simulator_set_int(sim, name, value) -> swb_status
@@ -3765,7 +3806,7 @@ Set an integer or enumeration option of a simulator (or a float one, to an integ
 @return as swb_settings_set_int
 """
 swb_simulator_set_int(sim, name, value) =
-    ccall(address(107), swb_status, (Ptr{swb_simulator}, Cstring, Int64), sim, name, value)
+    ccall(address(109), swb_status, (Ptr{swb_simulator}, Cstring, Int64), sim, name, value)
 
 """
     swb_simulator_set_double(sim, name, value) -> swb_status
@@ -3775,7 +3816,7 @@ Set a float option of a simulator by name.
 @return as swb_settings_set_double
 """
 swb_simulator_set_double(sim, name, value) =
-    ccall(address(108), swb_status, (Ptr{swb_simulator}, Cstring, Cdouble), sim, name, value)
+    ccall(address(110), swb_status, (Ptr{swb_simulator}, Cstring, Cdouble), sim, name, value)
 
 """
     swb_simulator_set_string(sim, name, value) -> swb_status
@@ -3785,7 +3826,7 @@ Set any option of a simulator by name from text: a number, or the value name of 
 @return as swb_settings_set_string
 """
 swb_simulator_set_string(sim, name, value) =
-    ccall(address(109), swb_status, (Ptr{swb_simulator}, Cstring, Cstring), sim, name, value)
+    ccall(address(111), swb_status, (Ptr{swb_simulator}, Cstring, Cstring), sim, name, value)
 
 """
     swb_simulator_set_settings(sim, settings) -> swb_status
@@ -3796,7 +3837,7 @@ Set all options of a simulator.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_simulator_set_settings(sim, settings) =
-    ccall(address(110), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}), sim, settings)
+    ccall(address(112), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}), sim, settings)
 
 """
     swb_simulator_get_settings(sim, settings, struct_size) -> swb_status
@@ -3808,7 +3849,7 @@ Options of a simulator, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_settings(sim, settings, struct_size) =
-    ccall(address(111), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}, UInt64), sim, settings, struct_size)
+    ccall(address(113), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}, UInt64), sim, settings, struct_size)
 
 """
     swb_simulator_set_iteration(sim, iteration, user_data) -> swb_status
@@ -3819,7 +3860,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_simulator_set_iteration(sim, iteration, user_data) =
-    ccall(address(112), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, iteration, user_data)
+    ccall(address(114), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, iteration, user_data)
 
 """
     swb_simulator_set_log(sim, log, user_data) -> swb_status
@@ -3830,7 +3871,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_simulator_set_log(sim, log, user_data) =
-    ccall(address(113), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, log, user_data)
+    ccall(address(115), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, log, user_data)
 
 """
     swb_simulator_interrupt(sim) -> swb_status
@@ -3842,21 +3883,21 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_simulator_interrupt(sim) = ccall(address(114), swb_status, (Ptr{swb_simulator},), sim)
+swb_simulator_interrupt(sim) = ccall(address(116), swb_status, (Ptr{swb_simulator},), sim)
 
 """
     swb_simulator_free(sim) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_simulator_free(sim) = ccall(address(115), Cvoid, (Ptr{swb_simulator},), sim)
+swb_simulator_free(sim) = ccall(address(117), Cvoid, (Ptr{swb_simulator},), sim)
 
 """
     swb_run_outcome_name(outcome) -> Cstring
 
 Name of an outcome of an event-driven simulation, such as \"reached\"; NULL for any other number. Static.
 """
-swb_run_outcome_name(outcome) = ccall(address(116), Cstring, (Int32,), outcome)
+swb_run_outcome_name(outcome) = ccall(address(118), Cstring, (Int32,), outcome)
 
 """
     swb_run_get_info(run, info, struct_size) -> swb_status
@@ -3868,7 +3909,7 @@ Numbers of a run.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_get_info(run, info, struct_size) =
-    ccall(address(117), swb_status, (Ptr{swb_run}, Ptr{swb_run_info}, UInt64), run, info, struct_size)
+    ccall(address(119), swb_status, (Ptr{swb_run}, Ptr{swb_run_info}, UInt64), run, info, struct_size)
 
 """
     swb_run_reason(run, buf, len, needed) -> swb_status
@@ -3880,7 +3921,7 @@ Why a run ended early, in words; if it reached its time, what is not known to th
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_run_reason(run, buf, len, needed) =
-    ccall(address(118), swb_status, (Ptr{swb_run}, Ptr{UInt8}, Int64, Ptr{Int64}), run, buf, len, needed)
+    ccall(address(120), swb_status, (Ptr{swb_run}, Ptr{UInt8}, Int64, Ptr{Int64}), run, buf, len, needed)
 
 """
     swb_run_get_stats(run, stats, struct_size) -> swb_status
@@ -3892,7 +3933,7 @@ Work of a run.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_get_stats(run, stats, struct_size) =
-    ccall(address(119), swb_status, (Ptr{swb_run}, Ptr{swb_run_stats}, UInt64), run, stats, struct_size)
+    ccall(address(121), swb_status, (Ptr{swb_run}, Ptr{swb_run_stats}, UInt64), run, stats, struct_size)
 
 """
     swb_run_state(run, x, nx) -> swb_status
@@ -3902,7 +3943,7 @@ State reached.
 @param[out] x [nx]
 @return SWB_OK; SWB_ERR_DIMENSION
 """
-swb_run_state(run, x, nx) = ccall(address(120), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, x, nx)
+swb_run_state(run, x, nx) = ccall(address(122), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, x, nx)
 
 """
     swb_run_events(run, events, n, struct_size) -> swb_status
@@ -3914,7 +3955,7 @@ Switches in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_events(run, events, n, struct_size) =
-    ccall(address(121), swb_status, (Ptr{swb_run}, Ptr{swb_event}, Int64, UInt64), run, events, n, struct_size)
+    ccall(address(123), swb_status, (Ptr{swb_run}, Ptr{swb_event}, Int64, UInt64), run, events, n, struct_size)
 
 """
     swb_run_branch_points(run, points, n, struct_size) -> swb_status
@@ -3926,7 +3967,7 @@ Points with several continuations, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_branch_points(run, points, n, struct_size) =
-    ccall(address(122), swb_status, (Ptr{swb_run}, Ptr{swb_branch_point}, Int64, UInt64), run, points, n,
+    ccall(address(124), swb_status, (Ptr{swb_run}, Ptr{swb_branch_point}, Int64, UInt64), run, points, n,
         struct_size)
 
 """
@@ -3939,7 +3980,7 @@ Surfaces only touched, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_contacts(run, contacts, n, struct_size) =
-    ccall(address(123), swb_status, (Ptr{swb_run}, Ptr{swb_contact}, Int64, UInt64), run, contacts, n, struct_size)
+    ccall(address(125), swb_status, (Ptr{swb_run}, Ptr{swb_contact}, Int64, UInt64), run, contacts, n, struct_size)
 
 """
     swb_run_accumulations(run, points, n, struct_size) -> swb_status
@@ -3951,7 +3992,7 @@ Accumulating switches, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_accumulations(run, points, n, struct_size) =
-    ccall(address(124), swb_status, (Ptr{swb_run}, Ptr{swb_accumulation}, Int64, UInt64), run, points, n,
+    ccall(address(126), swb_status, (Ptr{swb_run}, Ptr{swb_accumulation}, Int64, UInt64), run, points, n,
         struct_size)
 
 """
@@ -3962,7 +4003,7 @@ Numbers of modes of the subsystems that can switch.
 @param[out] n_modes [n] n_subsystems
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
-swb_run_modes(run, n_modes, n) = ccall(address(125), swb_status, (Ptr{swb_run}, Ptr{Int64}, Int64), run, n_modes, n)
+swb_run_modes(run, n_modes, n) = ccall(address(127), swb_status, (Ptr{swb_run}, Ptr{Int64}, Int64), run, n_modes, n)
 
 """
     swb_run_event_modes(run, index, before, after, n) -> swb_status
@@ -3975,7 +4016,7 @@ Which modes of its subsystem are active before and after a switch.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_event_modes(run, index, before, after, n) =
-    ccall(address(126), swb_status, (Ptr{swb_run}, Int64, Ptr{Int32}, Ptr{Int32}, Int64), run, index, before, after,
+    ccall(address(128), swb_status, (Ptr{swb_run}, Int64, Ptr{Int32}, Ptr{Int32}, Int64), run, index, before, after,
         n)
 
 """
@@ -3990,7 +4031,7 @@ controls no columns remain.
 @param[out] s [n] nx * n_columns, by columns: those of the initial states, then of the parameters, then of the controls
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE without the option sensitivity
 """
-swb_run_sensitivity(run, s, n) = ccall(address(127), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, s, n)
+swb_run_sensitivity(run, s, n) = ccall(address(129), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, s, n)
 
 """
     swb_run_event_sensitivity(run, index, dt, n) -> swb_status
@@ -4003,7 +4044,7 @@ none.
 @return as swb_run_sensitivity
 """
 swb_run_event_sensitivity(run, index, dt, n) =
-    ccall(address(128), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(130), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_times(run, t, n) -> swb_status
@@ -4013,7 +4054,7 @@ Times between which the dense output has a polynomial each: starts and ends of t
 @param[out] t [n] n_pieces + 1; none if there are no pieces
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
-swb_run_times(run, t, n) = ccall(address(129), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, t, n)
+swb_run_times(run, t, n) = ccall(address(131), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, t, n)
 
 """
     swb_run_evaluate(run, t, n_t, k, x, n_x) -> swb_status
@@ -4026,7 +4067,7 @@ States at any times of the run, or their derivatives with respect to time. At a 
 @return SWB_OK; SWB_ERR_RANGE if a time is outside or k is negative; SWB_ERR_STATE without the option dense
 """
 swb_run_evaluate(run, t, n_t, k, x, n_x) =
-    ccall(address(130), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Int64, Ptr{Cdouble}, Int64), run, t, n_t, k,
+    ccall(address(132), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Int64, Ptr{Cdouble}, Int64), run, t, n_t, k,
         x, n_x)
 
 """
@@ -4034,7 +4075,7 @@ swb_run_evaluate(run, t, n_t, k, x, n_x) =
 
 Free; NULL is allowed.
 """
-swb_run_free(run) = ccall(address(131), Cvoid, (Ptr{swb_run},), run)
+swb_run_free(run) = ccall(address(133), Cvoid, (Ptr{swb_run},), run)
 
 """
     swb_system_add_transition(system, guard, direction, from_states, n_from_states, from_values, n_from_values, reset, to_states, n_to_states, to_values, n_to_values, index) -> swb_status
@@ -4061,7 +4102,7 @@ own guard beyond zero is watched again when the guard has been back.
 """
 swb_system_add_transition(system, guard, direction, from_states, n_from_states, from_values, n_from_values, reset,
     to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(132), swb_status, (Ptr{swb_system}, Ptr{swb_function}, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(134), swb_status, (Ptr{swb_system}, Ptr{swb_function}, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), system, guard, direction,
         from_states, n_from_states, from_values, n_from_values, reset, to_states, n_to_states, to_values,
         n_to_values, index)
@@ -4090,7 +4131,7 @@ of its end.
 """
 swb_system_add_event(system, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
     n_from_values, reset, to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(133), swb_status, (Ptr{swb_system}, Cstring, Int32, Int32, Ptr{swb_function}, Int32, Ptr{Int64},
+    ccall(address(135), swb_status, (Ptr{swb_system}, Cstring, Int32, Int32, Ptr{swb_function}, Int32, Ptr{Int64},
         Int64, Ptr{Cdouble}, Int64, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), system,
         name, effect, trigger, guard, direction, from_states, n_from_states, from_values, n_from_values, reset,
         to_states, n_to_states, to_values, n_to_values, index)
@@ -4106,7 +4147,7 @@ begins anew where the right-hand side jumps. Tables in models say these times th
 @return SWB_OK; SWB_ERR_DIMENSION if the lengths differ; SWB_ERR_RANGE for times that are not finite
 """
 swb_system_add_known_times(system, t, n_t, jumps, n_jumps) =
-    ccall(address(134), swb_status, (Ptr{swb_system}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64), system, t, n_t,
+    ccall(address(136), swb_status, (Ptr{swb_system}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64), system, t, n_t,
         jumps, n_jumps)
 
 """
@@ -4119,7 +4160,7 @@ What was noted in the order of time; the number is n_notes of swb_run_info.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_notes(run, notes, n, struct_size) =
-    ccall(address(135), swb_status, (Ptr{swb_run}, Ptr{swb_note}, Int64, UInt64), run, notes, n, struct_size)
+    ccall(address(137), swb_status, (Ptr{swb_run}, Ptr{swb_note}, Int64, UInt64), run, notes, n, struct_size)
 
 """
     swb_run_note_state(run, index, x, n) -> swb_status
@@ -4131,7 +4172,7 @@ The state at a note.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_note_state(run, index, x, n) =
-    ccall(address(136), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, x, n)
+    ccall(address(138), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, x, n)
 
 """
     swb_run_note_sensitivity(run, index, dt, n) -> swb_status
@@ -4143,7 +4184,7 @@ Derivatives of the time of a note with respect to initial states, parameters and
 @return as swb_run_sensitivity
 """
 swb_run_note_sensitivity(run, index, dt, n) =
-    ccall(address(137), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(139), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_jumps(run, jumps, n, struct_size) -> swb_status
@@ -4155,7 +4196,7 @@ The transitions of a run in the order they were made; their number is n_jumps of
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_jumps(run, jumps, n, struct_size) =
-    ccall(address(138), swb_status, (Ptr{swb_run}, Ptr{swb_jump}, Int64, UInt64), run, jumps, n, struct_size)
+    ccall(address(140), swb_status, (Ptr{swb_run}, Ptr{swb_jump}, Int64, UInt64), run, jumps, n, struct_size)
 
 """
     swb_run_jump_states(run, index, before, after, n) -> swb_status
@@ -4169,7 +4210,7 @@ transition does not name are NaN: dense output knows them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_jump_states(run, index, before, after, n) =
-    ccall(address(139), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), run, index, before,
+    ccall(address(141), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), run, index, before,
         after, n)
 
 """
@@ -4182,7 +4223,7 @@ Derivatives of the time of a transition with respect to initial states, paramete
 @return as swb_run_sensitivity
 """
 swb_run_jump_sensitivity(run, index, dt, n) =
-    ccall(address(140), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(142), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_scene_create(name, n_q, n_v, nu, np, names, out) -> swb_status
@@ -4200,7 +4241,7 @@ velocities the rates of the coordinates are the velocities.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_scene_create(name, n_q, n_v, nu, np, names, out) =
-    ccall(address(141), swb_status, (Cstring, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, n_q,
+    ccall(address(143), swb_status, (Cstring, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, n_q,
         n_v, nu, np, names, out)
 
 """
@@ -4221,7 +4262,7 @@ constraint c_i, without tangents, friction and restitution; multipliers are the 
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_scene_create_projected(name, nx, nu, np, names, out) =
-    ccall(address(142), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
+    ccall(address(144), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
         names, out)
 
 """
@@ -4234,7 +4275,7 @@ Set the rates of the coordinates, linear in the velocities: q' = N(q) v.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE for numbers that are no expressions
 """
 swb_scene_set_rates(scene, graph, rates, n) =
-    ccall(address(143), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
+    ccall(address(145), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
 
 """
     swb_scene_set_inertia(scene, graph, entries, n) -> swb_status
@@ -4246,7 +4287,7 @@ Set the inertia matrix M: symmetric and positive definite; it may depend on coor
 @return as swb_scene_set_rates
 """
 swb_scene_set_inertia(scene, graph, entries, n) =
-    ccall(address(144), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
+    ccall(address(146), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
 
 """
     swb_scene_set_force(scene, graph, force, n) -> swb_status
@@ -4258,7 +4299,7 @@ Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact force
 @return as swb_scene_set_rates
 """
 swb_scene_set_force(scene, graph, force, n) =
-    ccall(address(145), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
+    ccall(address(147), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
 
 """
     swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) -> swb_status
@@ -4278,7 +4319,7 @@ Add a contact.
         that is there already
 """
 swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) =
-    ccall(address(146), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
+    ccall(address(148), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
         Ptr{Int64}), scene, graph, name, gap, tangents, n_tangents, friction, restitution, index)
 
 """
@@ -4293,7 +4334,7 @@ proof in the report. A simulation that leaves the bounds ends with an error if s
 @return SWB_OK; SWB_ERR_RANGE if there is no such coordinate, or a bound is NaN, or no number is between the bounds
 """
 swb_scene_set_bounds(scene, coordinate, low, high) =
-    ccall(address(147), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
+    ccall(address(149), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
 
 """
     swb_scene_set_impact_law(scene, law) -> swb_status
@@ -4303,7 +4344,7 @@ Set what happens where several contacts close at once.
 @param[in] law enum swb_impact_law
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_scene_set_impact_law(scene, law) = ccall(address(148), swb_status, (Ptr{swb_scene}, Int32), scene, law)
+swb_scene_set_impact_law(scene, law) = ccall(address(150), swb_status, (Ptr{swb_scene}, Int32), scene, law)
 
 """
     swb_scene_build(scene, graph) -> swb_status
@@ -4314,7 +4355,7 @@ Build the scene: derivatives, normals, and which contacts cannot close. Any chan
 @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
         with a message that names them
 """
-swb_scene_build(scene, graph) = ccall(address(149), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
+swb_scene_build(scene, graph) = ccall(address(151), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
 
 """
     swb_scene_system(scene, out) -> swb_status
@@ -4324,7 +4365,7 @@ The system of a scene that is built; its states are the coordinates, then the ve
 @param[out] out the new object, NULL on failure; free with swb_system_free
 @return SWB_OK; SWB_ERR_STATE if the scene is not built
 """
-swb_scene_system(scene, out) = ccall(address(150), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
+swb_scene_system(scene, out) = ccall(address(152), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
 
 """
     swb_scene_report(scene, json, buf, len, needed) -> swb_status
@@ -4337,7 +4378,7 @@ Report of a scene that is built: contacts with what they cost, and which were le
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE if the scene is not built
 """
 swb_scene_report(scene, json, buf, len, needed) =
-    ccall(address(151), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
+    ccall(address(153), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
         needed)
 
 """
@@ -4345,7 +4386,7 @@ swb_scene_report(scene, json, buf, len, needed) =
 
 Free; systems made of the scene stay. NULL is allowed.
 """
-swb_scene_free(scene) = ccall(address(152), Cvoid, (Ptr{swb_scene},), scene)
+swb_scene_free(scene) = ccall(address(154), Cvoid, (Ptr{swb_scene},), scene)
 
 """
     swb_run_impacts(run, impacts, n, struct_size) -> swb_status
@@ -4357,7 +4398,7 @@ The impacts of a run in the order they happened; their number is n_impacts of sw
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_impacts(run, impacts, n, struct_size) =
-    ccall(address(153), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
+    ccall(address(155), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
 
 """
     swb_run_impact_sensitivity(run, index, dt, n) -> swb_status
@@ -4369,7 +4410,7 @@ Derivatives of the time of an impact with respect to initial states, parameters 
 @return as swb_run_sensitivity
 """
 swb_run_impact_sensitivity(run, index, dt, n) =
-    ccall(address(154), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(156), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_contact_modes(run, t, n_t, modes, n) -> swb_status
@@ -4381,7 +4422,7 @@ Modes of the contacts of a scene at times.
 @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene; SWB_ERR_DIMENSION
 """
 swb_run_contact_modes(run, t, n_t, modes, n) =
-    ccall(address(155), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
+    ccall(address(157), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
 
 """
     swb_run_contact_forces(run, t, n_t, forces, n) -> swb_status
@@ -4395,7 +4436,7 @@ Forces of the contacts of a scene at times: forces, not impulses. Other times th
         outside; SWB_ERR_DIMENSION
 """
 swb_run_contact_forces(run, t, n_t, forces, n) =
-    ccall(address(156), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
+    ccall(address(158), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
         n)
 
 """
@@ -4410,7 +4451,7 @@ values (swb_model_set_value_names) are given behind this.
         if such a state has a derivative
 """
 swb_model_set_discrete(model, initial, n) =
-    ccall(address(157), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(159), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_set_value_names(model, discrete, names) -> swb_status
@@ -4422,7 +4463,7 @@ Name the values 0, 1, ... of a discrete state: the states of an automaton. Repor
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state; SWB_ERR_RANGE for names that are empty or repeat
 """
 swb_model_set_value_names(model, discrete, names) =
-    ccall(address(158), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
+    ccall(address(160), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
 
 """
     swb_model_get_value_names(model, discrete, buf, len, needed) -> swb_status
@@ -4435,7 +4476,7 @@ Names of the values of a discrete state, as swb_model_set_value_names takes them
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state, or the buffer is too short
 """
 swb_model_get_value_names(model, discrete, buf, len, needed) =
-    ccall(address(159), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
+    ccall(address(161), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
         len, needed)
 
 """
@@ -4457,7 +4498,7 @@ Add a transition to a model, and thereby to all systems made of it later; see sw
 """
 swb_model_add_transition(model, graph, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(160), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(162), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model,
         graph, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states,
         n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
@@ -4485,7 +4526,7 @@ Add a transition with a name, an effect and a trigger to a model; the rest is th
 swb_model_add_event(model, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
     n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values,
     index) =
-    ccall(address(161), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
+    ccall(address(163), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
         Int64, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Int64}), model, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
         n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values,
@@ -4504,7 +4545,7 @@ Effect, trigger and name of a transition of a model.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition, or the buffer is too short
 """
 swb_model_get_rule(model, index, effect, trigger, buf, len, needed) =
-    ccall(address(162), swb_status, (Ptr{swb_model}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{UInt8}, Int64, Ptr{Int64}),
+    ccall(address(164), swb_status, (Ptr{swb_model}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{UInt8}, Int64, Ptr{Int64}),
         model, index, effect, trigger, buf, len, needed)
 
 """
@@ -4515,7 +4556,7 @@ Numbers of discrete states and of transitions of a model. Any output may be NULL
 @return SWB_OK
 """
 swb_model_transition_counts(model, n_discrete, n_transitions) =
-    ccall(address(163), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
+    ccall(address(165), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
 
 """
     swb_model_get_discrete(model, initial, n) -> swb_status
@@ -4526,7 +4567,7 @@ Values with which the discrete states, the last ones, begin.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_model_get_discrete(model, initial, n) =
-    ccall(address(164), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(166), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_transition_sizes(model, index, n_from, n_reset, n_to) -> swb_status
@@ -4540,7 +4581,7 @@ How long the lists of a transition of a model are. Any output may be NULL.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition
 """
 swb_model_transition_sizes(model, index, n_from, n_reset, n_to) =
-    ccall(address(165), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
+    ccall(address(167), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
         n_from, n_reset, n_to)
 
 """
@@ -4562,7 +4603,7 @@ those of the graph it was made of or read into.
 """
 swb_model_get_transition(model, index, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values) =
-    ccall(address(166), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(168), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64), model, index, guard,
         direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets,
         n_resets, to_states, n_to_states, to_values, n_to_values)
@@ -4578,7 +4619,7 @@ Create an integrator. Time, state, controls and parameters are zero until they a
 @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_create(system, settings, out) =
-    ccall(address(167), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
+    ccall(address(169), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
         settings, out)
 
 """
@@ -4591,7 +4632,7 @@ taken over. Controls, parameters and stop times stay.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite, or tolerances are too small
 """
 swb_integrator_reinit(integrator, t, x, nx) =
-    ccall(address(168), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
+    ccall(address(170), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
 
 """
     swb_integrator_set_controls(integrator, u, nu) -> swb_status
@@ -4602,7 +4643,7 @@ Set the controls, constant from now on. The active modes are found anew.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_integrator_set_controls(integrator, u, nu) =
-    ccall(address(169), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
+    ccall(address(171), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
 
 """
     swb_integrator_set_params(integrator, p, np) -> swb_status
@@ -4613,7 +4654,7 @@ Set the parameters. The active modes are found anew.
 @return as swb_integrator_set_controls
 """
 swb_integrator_set_params(integrator, p, np) =
-    ccall(address(170), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
+    ccall(address(172), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
 
 """
     swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) -> swb_status
@@ -4627,7 +4668,7 @@ next swb_integrator_reinit, or at once before the first step.
         small
 """
 swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) =
-    ccall(address(171), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
+    ccall(address(173), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
         rtol, n_rtol, atol, n_atol)
 
 """
@@ -4639,7 +4680,7 @@ Set times at which steps end, for functions of time that are not smooth there an
 @return SWB_OK; SWB_ERR_RANGE if a time is not finite
 """
 swb_integrator_set_stop_times(integrator, t, n) =
-    ccall(address(172), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
+    ccall(address(174), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
 
 """
     swb_integrator_set_preferred(integrator, subsystem, modes, n) -> swb_status
@@ -4652,7 +4693,7 @@ ambiguity = prefer. Taken over by the next swb_integrator_reinit, or at once bef
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such subsystem; SWB_ERR_RANGE if there is no such mode
 """
 swb_integrator_set_preferred(integrator, subsystem, modes, n) =
-    ccall(address(173), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
+    ccall(address(175), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
         n)
 
 """
@@ -4664,7 +4705,7 @@ Set who decides where the continuation is not unique, before the option ambiguit
 @return SWB_OK
 """
 swb_integrator_set_decider(integrator, decide, user_data) =
-    ccall(address(174), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
+    ccall(address(176), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
 
 """
     swb_integrator_step(integrator, t_stop, kind) -> swb_status
@@ -4676,7 +4717,7 @@ Do one step, not beyond t_stop nor a stop time.
         negative code; SWB_ERR_STATE after a call that failed so, until swb_integrator_reinit
 """
 swb_integrator_step(integrator, t_stop, kind) =
-    ccall(address(175), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
+    ccall(address(177), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
 
 """
     swb_integrator_advance(integrator, t, outcome) -> swb_status
@@ -4687,7 +4728,7 @@ Integrate to the time t, exactly. Time and state are those at the end, or where 
 @return as swb_integrator_step
 """
 swb_integrator_advance(integrator, t, outcome) =
-    ccall(address(176), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
+    ccall(address(178), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
 
 """
     swb_integrator_sample(integrator, t, n, x, n_x, outcome) -> swb_status
@@ -4702,7 +4743,7 @@ them, and the dense output of the run need not be kept. At a switch the state be
 @return as swb_integrator_step; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a time is not finite or the times do not increase
 """
 swb_integrator_sample(integrator, t, n, x, n_x, outcome) =
-    ccall(address(177), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}),
+    ccall(address(179), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}),
         integrator, t, n, x, n_x, outcome)
 
 """
@@ -4715,7 +4756,7 @@ Derivatives of the dense output with respect to time at a time in the last step.
 @return SWB_OK; SWB_ERR_RANGE if t is outside of the last step or k is negative; SWB_ERR_STATE before the first step
 """
 swb_integrator_get_dky(integrator, t, k, dky, nx) =
-    ccall(address(178), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
+    ccall(address(180), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
         dky, nx)
 
 """
@@ -4726,7 +4767,7 @@ Time reached.
 @return SWB_OK
 """
 swb_integrator_get_time(integrator, t) =
-    ccall(address(179), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
+    ccall(address(181), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
 
 """
     swb_integrator_get_state(integrator, x, nx) -> swb_status
@@ -4737,7 +4778,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_state(integrator, x, nx) =
-    ccall(address(180), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
+    ccall(address(182), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
 
 """
     swb_integrator_get_derivative(integrator, f, nx) -> swb_status
@@ -4748,7 +4789,7 @@ Derivative of the state with respect to time under the present active modes; 0 b
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_derivative(integrator, f, nx) =
-    ccall(address(181), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
+    ccall(address(183), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
 
 """
     swb_integrator_get_active(integrator, subsystem, active, n) -> swb_status
@@ -4760,7 +4801,7 @@ Which modes of a subsystem are active: one alone, or several in a sliding mode; 
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_active(integrator, subsystem, active, n) =
-    ccall(address(182), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
+    ccall(address(184), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
         n)
 
 """
@@ -4772,7 +4813,7 @@ How the simulation stands.
 @return SWB_OK
 """
 swb_integrator_get_outcome(integrator, outcome) =
-    ccall(address(183), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
+    ccall(address(185), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
 
 """
     swb_integrator_get_reason(integrator, buf, len, needed) -> swb_status
@@ -4784,7 +4825,7 @@ Why the simulation ended early, in words; if it did not, what is not known to th
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_integrator_get_reason(integrator, buf, len, needed) =
-    ccall(address(184), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
+    ccall(address(186), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
         needed)
 
 """
@@ -4797,7 +4838,7 @@ Work since the last swb_integrator_reinit.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_stats(integrator, stats, struct_size) =
-    ccall(address(185), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
+    ccall(address(187), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
         struct_size)
 
 """
@@ -4809,7 +4850,7 @@ A copy of the result since the last swb_integrator_reinit: switches, derivatives
 @return SWB_OK
 """
 swb_integrator_get_run(integrator, out) =
-    ccall(address(186), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
+    ccall(address(188), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
 
 """
     swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu) -> swb_status
@@ -4832,7 +4873,7 @@ the option adjoint.
 """
 swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du,
     nu) =
-    ccall(address(187), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
+    ccall(address(189), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64), integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu)
 
@@ -4845,7 +4886,7 @@ integration are taken over by the next swb_integrator_reinit, or at once before 
 @return as swb_settings_set_int
 """
 swb_integrator_set_int(integrator, name, value) =
-    ccall(address(188), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
+    ccall(address(190), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
 
 """
     swb_integrator_set_double(integrator, name, value) -> swb_status
@@ -4855,7 +4896,7 @@ Set a float option of an integrator by name, as swb_integrator_set_int.
 @return as swb_settings_set_double
 """
 swb_integrator_set_double(integrator, name, value) =
-    ccall(address(189), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
+    ccall(address(191), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
 
 """
     swb_integrator_set_string(integrator, name, value) -> swb_status
@@ -4865,7 +4906,7 @@ Set any option of an integrator by name from text, as swb_integrator_set_int.
 @return as swb_settings_set_string
 """
 swb_integrator_set_string(integrator, name, value) =
-    ccall(address(190), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
+    ccall(address(192), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
 
 """
     swb_integrator_set_settings(integrator, settings) -> swb_status
@@ -4876,7 +4917,7 @@ Set all options of an integrator, as swb_integrator_set_int.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_set_settings(integrator, settings) =
-    ccall(address(191), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
+    ccall(address(193), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
 
 """
     swb_integrator_get_settings(integrator, settings, struct_size) -> swb_status
@@ -4888,7 +4929,7 @@ Options of an integrator, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_settings(integrator, settings, struct_size) =
-    ccall(address(192), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
+    ccall(address(194), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
         struct_size)
 
 """
@@ -4900,7 +4941,7 @@ Set who is called once per accepted step; NULL for nobody.
 @return SWB_OK
 """
 swb_integrator_set_progress(integrator, progress, user_data) =
-    ccall(address(193), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
+    ccall(address(195), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
 
 """
     swb_integrator_set_poll(integrator, poll, user_data) -> swb_status
@@ -4912,7 +4953,7 @@ code runs: swb_integrator_set_progress calls at every step, which for a small sy
 @return SWB_OK
 """
 swb_integrator_set_poll(integrator, poll, user_data) =
-    ccall(address(194), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, poll, user_data)
+    ccall(address(196), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, poll, user_data)
 
 """
     swb_integrator_set_log(integrator, log, user_data) -> swb_status
@@ -4924,7 +4965,7 @@ for each switch at level debug, one for each step at level trace.
 @return SWB_OK
 """
 swb_integrator_set_log(integrator, log, user_data) =
-    ccall(address(195), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
+    ccall(address(197), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
 
 """
     swb_integrator_interrupt(integrator) -> swb_status
@@ -4935,14 +4976,14 @@ between steps: a call ends within the time of one step, which takes some tens of
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_integrator_interrupt(integrator) = ccall(address(196), swb_status, (Ptr{swb_integrator},), integrator)
+swb_integrator_interrupt(integrator) = ccall(address(198), swb_status, (Ptr{swb_integrator},), integrator)
 
 """
     swb_integrator_free(integrator) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_integrator_free(integrator) = ccall(address(197), Cvoid, (Ptr{swb_integrator},), integrator)
+swb_integrator_free(integrator) = ccall(address(199), Cvoid, (Ptr{swb_integrator},), integrator)
 
 """
     swb_step_options_init(options, struct_size) -> swb_status
@@ -4954,7 +4995,7 @@ Set the defaults of the options of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_step_options_init(options, struct_size) =
-    ccall(address(198), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
+    ccall(address(200), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
 
 """
     swb_stepper_create(system, options, out) -> swb_status
@@ -4968,7 +5009,7 @@ Create a stepper of a scene. It has no state yet; controls and parameters are ze
         option is outside its range; SWB_ERR_NUMERIC if a constant inertia is not positive definite
 """
 swb_stepper_create(system, options, out) =
-    ccall(address(199), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
+    ccall(address(201), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
         options, out)
 
 """
@@ -4982,7 +5023,7 @@ Set time and state (coordinates, then velocities), and forget impulses and stati
         SWB_ERR_NUMERIC if the inertia is not positive definite
 """
 swb_stepper_set_state(stepper, t, x, nx) =
-    ccall(address(200), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
+    ccall(address(202), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
 
 """
     swb_stepper_set_controls(stepper, u, nu) -> swb_status
@@ -4993,7 +5034,7 @@ Set the controls, constant from now on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_stepper_set_controls(stepper, u, nu) =
-    ccall(address(201), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
+    ccall(address(203), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
 
 """
     swb_stepper_set_params(stepper, p, np) -> swb_status
@@ -5004,7 +5045,7 @@ Set the parameters, constant from now on.
 @return as swb_stepper_set_controls
 """
 swb_stepper_set_params(stepper, p, np) =
-    ccall(address(202), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
+    ccall(address(204), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
 
 """
     swb_stepper_step(stepper) -> swb_status
@@ -5016,7 +5057,7 @@ Make one step of the length h of the options.
         end; SWB_ERR_RANGE if friction or restitution is out of range; SWB_ERR_NUMERIC if the inertia is not positive
         definite; SWB_ERR_INTERRUPTED
 """
-swb_stepper_step(stepper) = ccall(address(203), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_step(stepper) = ccall(address(205), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_advance(stepper, t) -> swb_status
@@ -5026,7 +5067,7 @@ Make equal steps, not longer than h, that end at a time.
 @param[in] t not before the time reached
 @return as swb_stepper_step; where it fails, time and state are those of the last step that was made
 """
-swb_stepper_advance(stepper, t) = ccall(address(204), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
+swb_stepper_advance(stepper, t) = ccall(address(206), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
 
 """
     swb_stepper_count(stepper, t, every, n) -> swb_status
@@ -5039,7 +5080,7 @@ How many states swb_stepper_run keeps.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
 """
 swb_stepper_count(stepper, t, every, n) =
-    ccall(address(205), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
+    ccall(address(207), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
 
 """
     swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) -> swb_status
@@ -5055,7 +5096,7 @@ Make equal steps, not longer than h, that end at a time, and keep states.
 @return as swb_stepper_step, and SWB_ERR_DIMENSION
 """
 swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) =
-    ccall(address(206), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(208), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), stepper, t, every, times, n_times, states, n_states, impulses, n_impulses)
 
 """
@@ -5070,7 +5111,7 @@ Sizes of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_stepper_sizes(stepper, nx, nu, np, n_contacts) =
-    ccall(address(207), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
+    ccall(address(209), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
         nu, np, n_contacts)
 
 """
@@ -5080,7 +5121,7 @@ Time reached.
 
 @return SWB_OK
 """
-swb_stepper_get_time(stepper, t) = ccall(address(208), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
+swb_stepper_get_time(stepper, t) = ccall(address(210), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
 
 """
     swb_stepper_get_state(stepper, x, nx) -> swb_status
@@ -5091,7 +5132,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_state(stepper, x, nx) =
-    ccall(address(209), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
+    ccall(address(211), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
 
 """
     swb_stepper_get_impulses(stepper, impulses, n) -> swb_status
@@ -5102,7 +5143,7 @@ Impulses of the last step: impulses, not forces.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_impulses(stepper, impulses, n) =
-    ccall(address(210), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
+    ccall(address(212), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
 
 """
     swb_stepper_get_stats(stepper, stats, struct_size) -> swb_status
@@ -5114,7 +5155,7 @@ What the steps since the state was set cost and how they went.
 @return SWB_OK; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_stepper_get_stats(stepper, stats, struct_size) =
-    ccall(address(211), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
+    ccall(address(213), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
 
 """
     swb_stepper_interrupt(stepper) -> swb_status
@@ -5124,14 +5165,14 @@ that step, and the object can be used again.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_stepper_interrupt(stepper) = ccall(address(212), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_interrupt(stepper) = ccall(address(214), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_free(stepper) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_stepper_free(stepper) = ccall(address(213), Cvoid, (Ptr{swb_stepper},), stepper)
+swb_stepper_free(stepper) = ccall(address(215), Cvoid, (Ptr{swb_stepper},), stepper)
 
 """
     swb_batch_create(system, settings, out) -> swb_status
@@ -5145,7 +5186,7 @@ Create a batch.
 @return as swb_integrator_create
 """
 swb_batch_create(system, settings, out) =
-    ccall(address(214), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
+    ccall(address(216), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
         out)
 
 """
@@ -5162,7 +5203,7 @@ are those of single runs to the last bit, whatever the number of threads.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative
 """
 swb_batch_run(batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads) =
-    ccall(address(215), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(217), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64, Int64), batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads)
 
 """
@@ -5172,7 +5213,7 @@ Number of runs of the last swb_batch_run; 0 before.
 
 @return SWB_OK
 """
-swb_batch_size(batch, n_runs) = ccall(address(216), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
+swb_batch_size(batch, n_runs) = ccall(address(218), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
 
 """
     swb_batch_states(batch, x, n) -> swb_status
@@ -5182,7 +5223,7 @@ Final states of all runs.
 @param[out] x [n] n_runs * nx, those of one run together; NaN for runs that failed
 @return SWB_OK; SWB_ERR_DIMENSION
 """
-swb_batch_states(batch, x, n) = ccall(address(217), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
+swb_batch_states(batch, x, n) = ccall(address(219), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
 
 """
     swb_batch_outcomes(batch, outcome, n) -> swb_status
@@ -5193,7 +5234,7 @@ How all runs ended.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_batch_outcomes(batch, outcome, n) =
-    ccall(address(218), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
+    ccall(address(220), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
 
 """
     swb_batch_get_run(batch, index, out) -> swb_status
@@ -5205,7 +5246,7 @@ A copy of the result of one run.
 @return SWB_OK; SWB_ERR_DIMENSION; the status of the run if it failed, with its message
 """
 swb_batch_get_run(batch, index, out) =
-    ccall(address(219), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
+    ccall(address(221), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
 
 """
     swb_batch_interrupt(batch) -> swb_status
@@ -5216,14 +5257,14 @@ finished its step.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_batch_interrupt(batch) = ccall(address(220), swb_status, (Ptr{swb_batch},), batch)
+swb_batch_interrupt(batch) = ccall(address(222), swb_status, (Ptr{swb_batch},), batch)
 
 """
     swb_batch_free(batch) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_batch_free(batch) = ccall(address(221), Cvoid, (Ptr{swb_batch},), batch)
+swb_batch_free(batch) = ccall(address(223), Cvoid, (Ptr{swb_batch},), batch)
 
 """
     swb_nmpc_options_init(options, struct_size) -> swb_status
@@ -5235,7 +5276,7 @@ Set the defaults of the options of a controller.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_options_init(options, struct_size) =
-    ccall(address(222), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
+    ccall(address(224), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
 
 """
     swb_nmpc_create(ocp, options, out) -> swb_status
@@ -5252,7 +5293,7 @@ every scheme but SWB_NMPC_SCHEME_MLI.
         periodicity, complementarity, penalties of the largest violation; SWB_ERR_RANGE if an option is outside its range
 """
 swb_nmpc_create(ocp, options, out) =
-    ccall(address(223), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
+    ccall(address(225), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
 
 """
     swb_nmpc_sizes(c, n, nx, nu) -> swb_status
@@ -5265,7 +5306,7 @@ Sizes of a controller.
 @return SWB_OK; SWB_ERR_NULL
 """
 swb_nmpc_sizes(c, n, nx, nu) =
-    ccall(address(224), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
+    ccall(address(226), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
 
 """
     swb_nmpc_initialise(c, x0, nx, max_iter, iterations) -> swb_status
@@ -5279,7 +5320,7 @@ Solve the problem for an initial state to convergence, from the present iterate:
         SWB_ERR_USER; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_initialise(c, x0, nx, max_iter, iterations) =
-    ccall(address(225), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
+    ccall(address(227), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
         iterations)
 
 """
@@ -5295,7 +5336,7 @@ sample before is used further, which is no failure.
         code; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_prepare(c, x_predicted, nx, info, struct_size) =
-    ccall(address(226), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
+    ccall(address(228), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
         x_predicted, nx, info, struct_size)
 
 """
@@ -5311,7 +5352,7 @@ made before the call returns.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite. How the preparation ends is said by swb_nmpc_wait.
 """
 swb_nmpc_prepare_async(c, x_predicted, nx, started) =
-    ccall(address(227), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
+    ccall(address(229), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
 
 """
     swb_nmpc_wait(c, info, struct_size) -> swb_status
@@ -5323,7 +5364,7 @@ Wait for the preparation that swb_nmpc_prepare_async has begun.
 @return SWB_OK; as swb_nmpc_prepare, how the preparation ended; SWB_ERR_STATE where there was none
 """
 swb_nmpc_wait(c, info, struct_size) =
-    ccall(address(228), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
+    ccall(address(230), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
 
 """
     swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) -> swb_status
@@ -5339,7 +5380,7 @@ most half of the deadline; then the control is that of the last plan and its fee
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) =
-    ccall(address(229), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
+    ccall(address(231), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
         UInt64), c, x, nx, u0, nu, info, struct_size)
 
 """
@@ -5350,7 +5391,7 @@ other call does it where it is needed.
 
 @return SWB_OK
 """
-swb_nmpc_finish(c) = ccall(address(230), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_finish(c) = ccall(address(232), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_set_params(c, p, n) -> swb_status
@@ -5362,7 +5403,7 @@ that switch they count from the next preparation on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_INTERRUPTED; SWB_ERR_USER for a negative code of a
         callback
 """
-swb_nmpc_set_params(c, p, n) = ccall(address(231), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
+swb_nmpc_set_params(c, p, n) = ccall(address(233), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_nmpc_set_references(c, term, y, n) -> swb_status
@@ -5375,7 +5416,7 @@ Set the references of a least-squares term. Between a preparation and its feedba
         SWB_ERR_USER for a negative code of a callback
 """
 swb_nmpc_set_references(c, term, y, n) =
-    ccall(address(232), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
+    ccall(address(234), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
 
 """
     swb_nmpc_set_time(c, t0) -> swb_status
@@ -5384,7 +5425,7 @@ Set the time of the first node, from the next preparation on.
 
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_nmpc_set_time(c, t0) = ccall(address(233), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
+swb_nmpc_set_time(c, t0) = ccall(address(235), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
 
 """
     swb_nmpc_set_deadline(c, seconds) -> swb_status
@@ -5393,7 +5434,7 @@ Set the seconds a feedback may take.
 
 @return SWB_OK; SWB_ERR_RANGE if they are not positive
 """
-swb_nmpc_set_deadline(c, seconds) = ccall(address(234), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
+swb_nmpc_set_deadline(c, seconds) = ccall(address(236), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
 
 """
     swb_nmpc_set_iterate(c, x, n_x, u, n_u) -> swb_status
@@ -5405,7 +5446,7 @@ Set the iterate; its multipliers are zero.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_nmpc_set_iterate(c, x, n_x, u, n_u) =
-    ccall(address(235), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(237), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_reset(c) -> swb_status
@@ -5414,7 +5455,7 @@ Back to the start: the guess of the problem, no multipliers, nothing measured, m
 
 @return SWB_OK
 """
-swb_nmpc_reset(c) = ccall(address(236), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_reset(c) = ccall(address(238), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_get_plan(c, x, n_x, u, n_u) -> swb_status
@@ -5426,7 +5467,7 @@ The plan from the last sample on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_get_plan(c, x, n_x, u, n_u) =
-    ccall(address(237), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(239), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_get_monitor(c, monitor, struct_size) -> swb_status
@@ -5438,7 +5479,7 @@ How the controller is doing.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_get_monitor(c, monitor, struct_size) =
-    ccall(address(238), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
+    ccall(address(240), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
 
 """
     swb_nmpc_interrupt(c) -> swb_status
@@ -5447,14 +5488,14 @@ End the call that runs: from any thread or signal handler. A preparation that is
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if the object has been freed
 """
-swb_nmpc_interrupt(c) = ccall(address(239), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_interrupt(c) = ccall(address(241), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_free(c) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_nmpc_free(c) = ccall(address(240), Cvoid, (Ptr{swb_nmpc},), c)
+swb_nmpc_free(c) = ccall(address(242), Cvoid, (Ptr{swb_nmpc},), c)
 
 """
     swb_ocp_create(system, horizon, n_stages, settings, out) -> swb_status
@@ -5472,7 +5513,7 @@ SWB_ERR_STATE.
         positive or an option is outside its range; SWB_ERR_DIMENSION without stages
 """
 swb_ocp_create(system, horizon, n_stages, settings, out) =
-    ccall(address(241), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
+    ccall(address(243), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
         horizon, n_stages, settings, out)
 
 """
@@ -5485,7 +5526,7 @@ controls that are constant by stage, and parameters. A program has a variable in
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit; SWB_ERR_UNSUPPORTED for abs, min and max of what moves within a
         stage: make such a cost the derivative of a further state of the model, and its value at the end the terminal cost
 """
-swb_ocp_set_lagrange(ocp, f) = ccall(address(242), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_lagrange(ocp, f) = ccall(address(244), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_set_mayer(ocp, f) -> swb_status
@@ -5495,7 +5536,7 @@ states, too.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_ocp_set_mayer(ocp, f) = ccall(address(243), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_mayer(ocp, f) = ccall(address(245), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) -> swb_status
@@ -5508,7 +5549,7 @@ Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) =
-    ccall(address(244), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, lower, n_lower, upper, n_upper, at)
 
 """
@@ -5522,7 +5563,7 @@ last stage.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_terminal(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(245), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -5535,7 +5576,7 @@ Set bounds of the states at all stage points and element ends after the initial 
 @return as swb_ocp_add_path
 """
 swb_ocp_set_state_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5548,7 +5589,7 @@ Set bounds of the initial state; equal bounds fix it.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_initial_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(249), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5560,7 +5601,7 @@ Fix the initial state.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is NaN
 """
 swb_ocp_set_initial_state(ocp, x0, nx) =
-    ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
+    ccall(address(250), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
 
 """
     swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -5572,7 +5613,7 @@ Set bounds of the controls.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(249), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(251), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5588,7 +5629,7 @@ bounds is better known to you.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not positive and finite
 """
 swb_ocp_set_nominal(ocp, x, n_x, u, n_u, p, n_p) =
-    ccall(address(250), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(252), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, x, n_x, u, n_u, p, n_p)
 
 """
@@ -5599,7 +5640,7 @@ Set the parameters.
 @param[in] p [np]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_ocp_set_params(ocp, p, np) = ccall(address(251), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
+swb_ocp_set_params(ocp, p, np) = ccall(address(253), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
 
 """
     swb_ocp_set_initial_time(ocp, t0) -> swb_status
@@ -5608,7 +5649,7 @@ Set the initial time.
 
 @return SWB_OK; SWB_ERR_RANGE if it is not finite
 """
-swb_ocp_set_initial_time(ocp, t0) = ccall(address(252), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
+swb_ocp_set_initial_time(ocp, t0) = ccall(address(254), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
 
 """
     swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) -> swb_status
@@ -5620,7 +5661,7 @@ Give states to start from, linear in between.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if times do not rise or a value is not finite
 """
 swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) =
-    ccall(address(253), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
+    ccall(address(255), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
         x, n_x)
 
 """
@@ -5632,7 +5673,7 @@ Give controls to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_ocp_set_control_guess(ocp, u, n_u) =
-    ccall(address(254), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(256), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_solve(ocp, outcome) -> swb_status
@@ -5644,7 +5685,7 @@ Solve. The problem is discretised at the first solve, and again only when its st
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if options do not go together
 """
-swb_ocp_solve(ocp, outcome) = ccall(address(255), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve(ocp, outcome) = ccall(address(257), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_outcome(ocp, outcome) -> swb_status
@@ -5654,7 +5695,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_outcome(ocp, outcome) = ccall(address(256), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_get_outcome(ocp, outcome) = ccall(address(258), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_polished(ocp, polished) -> swb_status
@@ -5664,7 +5705,7 @@ Was the active set identified and the problem solved with it?
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_polished(ocp, polished) = ccall(address(257), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
+swb_ocp_get_polished(ocp, polished) = ccall(address(259), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
 
 """
     swb_ocp_get_cost(ocp, cost) -> swb_status
@@ -5675,7 +5716,7 @@ another point costs says nothing about the problem (swb_ocp_get_cost_reached).
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost(ocp, cost) = ccall(address(258), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost(ocp, cost) = ccall(address(260), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_cost_reached(ocp, cost) -> swb_status
@@ -5686,7 +5727,7 @@ solve was stopped before it was known.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost_reached(ocp, cost) = ccall(address(259), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost_reached(ocp, cost) = ccall(address(261), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_controls(ocp, u, n_u) -> swb_status
@@ -5696,7 +5737,7 @@ Controls.
 @param[out] u [n_u] n_stages * nu, the controls of one stage together
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_controls(ocp, u, n_u) = ccall(address(260), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+swb_ocp_get_controls(ocp, u, n_u) = ccall(address(262), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) -> swb_status
@@ -5716,7 +5757,7 @@ each.
         minimiser; SWB_ERR_USER, SWB_ERR_NONFINITE if the model fails next to the given parameters
 """
 swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) =
-    ccall(address(261), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
+    ccall(address(263), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
         n_cost, u, n_u, one_sided)
 
 """
@@ -5729,7 +5770,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_residuals(ocp, residuals, struct_size) =
-    ccall(address(262), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
+    ccall(address(264), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
 
 """
     swb_ocp_get_stats(ocp, stats, struct_size) -> swb_status
@@ -5741,7 +5782,7 @@ What the last solve cost.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_stats(ocp, stats, struct_size) =
-    ccall(address(263), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
+    ccall(address(265), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
 
 """
     swb_ocp_get_trajectory(ocp, out) -> swb_status
@@ -5751,7 +5792,7 @@ A copy of the trajectory of the last solve.
 @param[out] out the new object, NULL on failure; free with swb_trajectory_free
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_trajectory(ocp, out) = ccall(address(264), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
+swb_ocp_get_trajectory(ocp, out) = ccall(address(266), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
 
 """
     swb_ocp_set_int(ocp, name, value) -> swb_status
@@ -5760,7 +5801,7 @@ Set an integer or enumeration option of an optimal control problem (or a float o
 
 @return as swb_settings_set_int
 """
-swb_ocp_set_int(ocp, name, value) = ccall(address(265), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
+swb_ocp_set_int(ocp, name, value) = ccall(address(267), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
 
 """
     swb_ocp_set_double(ocp, name, value) -> swb_status
@@ -5770,7 +5811,7 @@ Set a float option of an optimal control problem by name.
 @return as swb_settings_set_double
 """
 swb_ocp_set_double(ocp, name, value) =
-    ccall(address(266), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
+    ccall(address(268), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
 
 """
     swb_ocp_set_string(ocp, name, value) -> swb_status
@@ -5780,7 +5821,7 @@ Set any option of an optimal control problem by name from text: a number, or the
 @return as swb_settings_set_string
 """
 swb_ocp_set_string(ocp, name, value) =
-    ccall(address(267), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
+    ccall(address(269), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
 
 """
     swb_ocp_set_settings(ocp, settings) -> swb_status
@@ -5790,7 +5831,7 @@ Set all options of an optimal control problem.
 @param[in] settings NULL for the defaults
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
-swb_ocp_set_settings(ocp, settings) = ccall(address(268), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
+swb_ocp_set_settings(ocp, settings) = ccall(address(270), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
 
 """
     swb_ocp_get_settings(ocp, settings, struct_size) -> swb_status
@@ -5802,7 +5843,7 @@ Options of an optimal control problem, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_get_settings(ocp, settings, struct_size) =
-    ccall(address(269), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
+    ccall(address(271), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
 
 """
     swb_ocp_set_iteration(ocp, iteration, user_data) -> swb_status
@@ -5813,7 +5854,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_iteration(ocp, iteration, user_data) =
-    ccall(address(270), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
+    ccall(address(272), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
 
 """
     swb_ocp_set_log(ocp, log, user_data) -> swb_status
@@ -5824,7 +5865,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_log(ocp, log, user_data) =
-    ccall(address(271), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
+    ccall(address(273), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
 
 """
     swb_ocp_interrupt(ocp) -> swb_status
@@ -5839,14 +5880,14 @@ calls in the same places.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_ocp_interrupt(ocp) = ccall(address(272), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_interrupt(ocp) = ccall(address(274), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_free(ocp) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_ocp_free(ocp) = ccall(address(273), Cvoid, (Ptr{swb_ocp},), ocp)
+swb_ocp_free(ocp) = ccall(address(275), Cvoid, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_sizes(ocp, nx, nu, np, n_stages) -> swb_status
@@ -5860,7 +5901,7 @@ Sizes of an optimal control problem.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_ocp_sizes(ocp, nx, nu, np, n_stages) =
-    ccall(address(274), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
+    ccall(address(276), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
         n_stages)
 
 """
@@ -5874,7 +5915,7 @@ accuracy_tol.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_accuracy(ocp, accuracy, struct_size) =
-    ccall(address(275), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
+    ccall(address(277), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
 
 """
     swb_ocp_get_certificate(ocp, certificate, struct_size) -> swb_status
@@ -5887,7 +5928,7 @@ unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_certificate(ocp, certificate, struct_size) =
-    ccall(address(276), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
+    ccall(address(278), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
 
 """
     swb_ocp_get_mismatch(ocp, stages, n_stages) -> swb_status
@@ -5898,7 +5939,7 @@ Largest difference between a state of the last solution and of the simulation at
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_accuracy
 """
 swb_ocp_get_mismatch(ocp, stages, n_stages) =
-    ccall(address(277), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
+    ccall(address(279), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
 
 """
     swb_ocp_get_message(ocp, buf, len, needed) -> swb_status
@@ -5913,7 +5954,7 @@ counted from zero. Empty where there is nothing to say. After a solve that retur
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_message(ocp, buf, len, needed) =
-    ccall(address(278), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(280), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_count_multipliers(ocp, of, n) -> swb_status
@@ -5924,7 +5965,7 @@ Constraints of a kind that multipliers belong to; 1 for what is no list.
 @param[out] n  constraints, in the order in which they were added
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
 """
-swb_ocp_count_multipliers(ocp, of, n) = ccall(address(279), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
+swb_ocp_count_multipliers(ocp, of, n) = ccall(address(281), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
 
 """
     swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) -> swb_status
@@ -5938,7 +5979,7 @@ Sizes of the multipliers of the last solution.
 @return SWB_OK; SWB_ERR_NULL; otherwise as swb_ocp_get_multipliers
 """
 swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) =
-    ccall(address(280), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
+    ccall(address(282), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
         width)
 
 """
@@ -5955,7 +5996,7 @@ transitions or contacts, and of several phases.
         the model fails
 """
 swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) =
-    ccall(address(281), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
+    ccall(address(283), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
         index, times, n_times, values, n_values)
 
 """
@@ -5963,7 +6004,7 @@ swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) =
 
 Name of an enum swb_verdict, such as \"kink\"; NULL for any other number. Static.
 """
-swb_verdict_name(verdict) = ccall(address(282), Cstring, (Int32,), verdict)
+swb_verdict_name(verdict) = ccall(address(284), Cstring, (Int32,), verdict)
 
 """
     swb_ocp_get_optimality(ocp, optimality, struct_size) -> swb_status
@@ -5976,7 +6017,7 @@ multipliers of its constraints decide, independently of the discretisation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_optimality(ocp, optimality, struct_size) =
-    ccall(address(283), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
+    ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
 
 """
     swb_ocp_get_kink(ocp, index, kink, struct_size) -> swb_status
@@ -5989,7 +6030,7 @@ A switch of the last solution that lies between two control stages.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_kink(ocp, index, kink, struct_size) =
-    ccall(address(284), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
+    ccall(address(286), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
 
 """
     swb_ocp_get_reduced_gradient(ocp, gradient, n) -> swb_status
@@ -6002,7 +6043,7 @@ verdict is SWB_VERDICT_UNKNOWN for want of a simulation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_reduced_gradient(ocp, gradient, n) =
-    ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
+    ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
 
 """
     swb_ocp_get_descent(ocp, direction, n) -> swb_status
@@ -6015,7 +6056,7 @@ where controls are linear.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_descent(ocp, direction, n) =
-    ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
+    ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
 
 """
     swb_ocp_get_optimality_reason(ocp, buf, len, needed) -> swb_status
@@ -6027,7 +6068,7 @@ Why it is not known whether the last solution is optimal; empty where it is.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_optimality_reason(ocp, buf, len, needed) =
-    ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_create_scene(scene, horizon, n_stages, settings, out) -> swb_status
@@ -6043,7 +6084,7 @@ coordinates, then velocities; horizon, control grid and costs are in physical ti
 @return as swb_ocp_create; SWB_ERR_STATE if the scene is not built
 """
 swb_ocp_create_scene(scene, horizon, n_stages, settings, out) =
-    ccall(address(288), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
+    ccall(address(290), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
         horizon, n_stages, settings, out)
 
 """
@@ -6054,7 +6095,7 @@ Set how contact modes and impacts of a scene are found. Other systems do not loo
 @param[in] jumps an enum swb_jumps
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_ocp_set_jumps(ocp, jumps) = ccall(address(289), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
+swb_ocp_set_jumps(ocp, jumps) = ccall(address(291), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
 
 """
     swb_ocp_get_contacts(ocp, n_contacts, n_impacts) -> swb_status
@@ -6066,7 +6107,7 @@ Sizes of what the contacts of an answer do.
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene
 """
 swb_ocp_get_contacts(ocp, n_contacts, n_impacts) =
-    ccall(address(290), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
+    ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
 
 """
     swb_ocp_impacts(ocp, impacts, n, struct_size) -> swb_status
@@ -6078,7 +6119,7 @@ The impacts of an answer in the order they happen. Their depth is NaN: it is not
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if n is another number
 """
 swb_ocp_impacts(ocp, impacts, n, struct_size) =
-    ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
+    ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
 
 """
     swb_ocp_contact_modes(ocp, t, n_t, modes, n) -> swb_status
@@ -6091,7 +6132,7 @@ Modes of the contacts of an answer at times.
         SWB_ERR_DIMENSION
 """
 swb_ocp_contact_modes(ocp, t, n_t, modes, n) =
-    ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
+    ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
 
 """
     swb_ocp_contact_forces(ocp, t, n_t, forces, n) -> swb_status
@@ -6104,7 +6145,7 @@ Forces of the contacts of an answer at times: forces, not impulses.
 @return as swb_ocp_contact_modes
 """
 swb_ocp_contact_forces(ocp, t, n_t, forces, n) =
-    ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
+    ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
         n)
 
 """
@@ -6118,7 +6159,7 @@ every contact, the recommended one, how long a jump takes, warnings.
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_ocp_freezing_report(ocp, buf, len, needed) =
-    ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) -> swb_status
@@ -6131,7 +6172,7 @@ Sizes of the mode sequence of the last solution: a phase for every finite elemen
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) =
-    ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
+    ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
         n_cells)
 
 """
@@ -6146,7 +6187,7 @@ Mode sequence of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(298), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -6163,7 +6204,7 @@ checks. Orders next to it are tried within the budget of the option mode_search 
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the times fall or do not start at 0
 """
 swb_ocp_set_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -6176,7 +6217,7 @@ the bounds of the controls.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_random_starts(ocp, seed, u, n_u) =
-    ccall(address(298), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
+    ccall(address(300), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
 
 """
     swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) -> swb_status
@@ -6197,7 +6238,7 @@ starts; so does swb_ocp_interrupt.
         first start if all fail
 """
 swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
-    ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
+    ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
         best)
 
 """
@@ -6213,7 +6254,7 @@ What the starts of the last swb_ocp_solve_starts found.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
 """
 swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) =
-    ccall(address(300), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
+    ccall(address(302), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
         Int64), ocp, start, outcome, polished, cost, u, n_u)
 
 """
@@ -6227,7 +6268,7 @@ How the grid of the last solve was adapted (option adapt_tol).
 @return SWB_OK; SWB_ERR_STATE before the first solve, and where the option adapt_tol is 0
 """
 swb_ocp_get_adaptation(ocp, n_rounds, kept, reached) =
-    ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
+    ccall(address(303), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
         reached)
 
 """
@@ -6245,7 +6286,7 @@ One solve on the way to an adapted grid.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
 """
 swb_ocp_get_round(ocp, round, elements, n_elements, n_variables, iterations, error, cost) =
-    ccall(address(302), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
+    ccall(address(304), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
         Ptr{Cdouble}), ocp, round, elements, n_elements, n_variables, iterations, error, cost)
 
 """
@@ -6259,7 +6300,7 @@ control and time of the end.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_boundary(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(303), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(305), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -6271,7 +6312,7 @@ Require that states have the same values at both ends of the horizon.
 @return SWB_OK; SWB_ERR_RANGE if there is no such state
 """
 swb_ocp_add_periodic(ocp, states, n_states) =
-    ccall(address(304), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
+    ccall(address(306), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
 
 """
     swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) -> swb_status
@@ -6284,7 +6325,7 @@ Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the cont
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) =
-    ccall(address(305), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(307), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, weights, n_weights, references, n_references, at)
 
 """
@@ -6297,7 +6338,7 @@ Change the references of a least-squares term.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term
 """
 swb_ocp_set_references(ocp, term, references, n_references) =
-    ccall(address(306), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
+    ccall(address(308), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
 
 """
     swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) -> swb_status
@@ -6312,7 +6353,7 @@ without it; see swb_ocp_get_violation.
 @return as swb_ocp_add_path; SWB_ERR_RANGE if the weight is not positive
 """
 swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) =
-    ccall(address(307), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(309), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32, Int32, Cdouble), ocp, f, lower, n_lower, upper, n_upper, at, norm, weight)
 
 """
@@ -6327,7 +6368,7 @@ is zero. Pairs of controls alone belong to the control grid; elsewhere they woul
 @return as swb_ocp_add_path
 """
 swb_ocp_add_complementarity(ocp, a, b, at) =
-    ccall(address(308), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
+    ccall(address(310), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
 
 """
     swb_ocp_set_elements(ocp, n_fe, n) -> swb_status
@@ -6337,7 +6378,7 @@ Set the number of finite elements of every control stage; without it all have as
 @param[in] n_fe [n] one for every stage, at least 1
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
-swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(309), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
+swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(311), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 
 """
     swb_ocp_set_durations(ocp, durations, n) -> swb_status
@@ -6348,7 +6389,7 @@ Set the lengths of the control stages; where they are free, those to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_durations(ocp, durations, n) =
-    ccall(address(310), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(312), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_set_free_time(ocp, what, lower, upper) -> swb_status
@@ -6361,7 +6402,7 @@ Let the optimiser choose lengths.
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_set_free_time(ocp, what, lower, upper) =
-    ccall(address(311), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
+    ccall(address(313), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
 
 """
     swb_ocp_add_horizon(ocp, lower, upper) -> swb_status
@@ -6371,7 +6412,7 @@ Bound the length of the horizon where those of the stages are free; after swb_oc
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_add_horizon(ocp, lower, upper) =
-    ccall(address(312), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
+    ccall(address(314), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
 
 """
     swb_ocp_set_linear_controls(ocp, linear, nu) -> swb_status
@@ -6382,7 +6423,7 @@ Make controls continuous and linear on every stage; the others stay constant.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_set_linear_controls(ocp, linear, nu) =
-    ccall(address(313), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
+    ccall(address(315), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
 
 """
     swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -6395,7 +6436,7 @@ the others keep those values.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(314), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(316), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6407,7 +6448,7 @@ Set parameters that change from control stage to control stage.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_stage_params(ocp, p, n_p) =
-    ccall(address(315), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+    ccall(address(317), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_solve_warm(ocp, outcome) -> swb_status
@@ -6417,7 +6458,7 @@ Solve from the last solution: after small changes its active set is tried first.
 @param[out] outcome as swb_ocp_solve
 @return as swb_ocp_solve
 """
-swb_ocp_solve_warm(ocp, outcome) = ccall(address(316), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve_warm(ocp, outcome) = ccall(address(318), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_shift(ocp) -> swb_status
@@ -6427,7 +6468,7 @@ initial state that is set by then, and starts from its modes and switching times
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_shift(ocp) = ccall(address(317), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_shift(ocp) = ccall(address(319), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_get_durations(ocp, durations, n) -> swb_status
@@ -6438,7 +6479,7 @@ Lengths of the control stages of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_durations(ocp, durations, n) =
-    ccall(address(318), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(320), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_get_params(ocp, p, n_p) -> swb_status
@@ -6448,7 +6489,7 @@ Parameters of the last solution, those that were free as they were found.
 @param[out] p [n_p] np
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_params(ocp, p, n_p) = ccall(address(319), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+swb_ocp_get_params(ocp, p, n_p) = ccall(address(321), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_get_control_ends(ocp, u, n_u) -> swb_status
@@ -6459,7 +6500,7 @@ Controls at the end of every stage: others than at its start where they are line
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_control_ends(ocp, u, n_u) =
-    ccall(address(320), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(322), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_violation(ocp, violation) -> swb_status
@@ -6468,7 +6509,7 @@ Largest violation of a relaxed constraint.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_violation(ocp, violation) = ccall(address(321), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
+swb_ocp_get_violation(ocp, violation) = ccall(address(323), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 
 """
     swb_ocp_jump_count(ocp, n_jumps) -> swb_status
@@ -6478,7 +6519,7 @@ Number of transitions of the last answer.
 @param[out] n_jumps transitions; 0 for systems without
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE before the first solve
 """
-swb_ocp_jump_count(ocp, n_jumps) = ccall(address(322), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
+swb_ocp_jump_count(ocp, n_jumps) = ccall(address(324), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
 
 """
     swb_ocp_jumps(ocp, jumps, n, struct_size) -> swb_status
@@ -6490,7 +6531,7 @@ The transitions of the last answer in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jumps(ocp, jumps, n, struct_size) =
-    ccall(address(323), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
+    ccall(address(325), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
 
 """
     swb_ocp_jump_states(ocp, index, before, after, n) -> swb_status
@@ -6503,7 +6544,7 @@ The states just before and just behind a transition of the last answer.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jump_states(ocp, index, before, after, n) =
-    ccall(address(324), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
+    ccall(address(326), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
         after, n)
 
 """
@@ -6518,7 +6559,7 @@ links tie it to the end of the phase before. A function of time sees the time fr
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
 """
 swb_multiphase_create(phases, n_phases, settings, out) =
-    ccall(address(325), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
+    ccall(address(327), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
         n_phases, settings, out)
 
 """
@@ -6533,7 +6574,7 @@ controls and no parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no phase behind, or a lower bound is above the upper one
 """
 swb_multiphase_link(m, phase, f, lower, n_lower, upper, n_upper) =
-    ccall(address(326), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
+    ccall(address(328), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), m, phase, f, lower, n_lower, upper, n_upper)
 
 """
@@ -6544,7 +6585,7 @@ Require that the next phase begins where this one ends, in all states.
 @param[in] phase counted from 0
 @return as swb_multiphase_link
 """
-swb_multiphase_link_continuous(m, phase) = ccall(address(327), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
+swb_multiphase_link_continuous(m, phase) = ccall(address(329), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 
 """
     swb_multiphase_link_reset(m, phase, r) -> swb_status
@@ -6557,7 +6598,7 @@ Require that the next phase begins at r(x(T)): what a stage that drops off, a do
 @return as swb_multiphase_link
 """
 swb_multiphase_link_reset(m, phase, r) =
-    ccall(address(328), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
+    ccall(address(330), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
 
 """
     swb_multiphase_solve(m, outcome) -> swb_status
@@ -6567,7 +6608,7 @@ Solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_ocp_solve
 """
-swb_multiphase_solve(m, outcome) = ccall(address(329), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
+swb_multiphase_solve(m, outcome) = ccall(address(331), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
@@ -6579,7 +6620,7 @@ What the last solve found.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_info(m, info, struct_size) =
-    ccall(address(330), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
+    ccall(address(332), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
 
 """
     swb_multiphase_get_message(m, buf, len, needed) -> swb_status
@@ -6591,7 +6632,7 @@ Why the last solve did not end with an exact solution; empty where there is noth
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_message(m, buf, len, needed) =
-    ccall(address(331), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
+    ccall(address(333), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
 
 """
     swb_multiphase_get_phase(m, phase, out) -> swb_status
@@ -6604,7 +6645,7 @@ and statistics are those of all phases.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_phase(m, phase, out) =
-    ccall(address(332), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
+    ccall(address(334), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
 
 """
     swb_multiphase_set_iteration(m, iteration, user_data) -> swb_status
@@ -6615,7 +6656,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_multiphase_set_iteration(m, iteration, user_data) =
-    ccall(address(333), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
+    ccall(address(335), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
 
 """
     swb_multiphase_interrupt(m) -> swb_status
@@ -6624,14 +6665,14 @@ Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_multiphase_interrupt(m) = ccall(address(334), swb_status, (Ptr{swb_multiphase},), m)
+swb_multiphase_interrupt(m) = ccall(address(336), swb_status, (Ptr{swb_multiphase},), m)
 
 """
     swb_multiphase_free(m) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_multiphase_free(m) = ccall(address(335), Cvoid, (Ptr{swb_multiphase},), m)
+swb_multiphase_free(m) = ccall(address(337), Cvoid, (Ptr{swb_multiphase},), m)
 
 """
     swb_model_to_json(model, buf, len, needed) -> swb_status
@@ -6645,7 +6686,7 @@ states with the values they begin with, and its transitions. Functions that are 
         too short
 """
 swb_model_to_json(model, buf, len, needed) =
-    ccall(address(336), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(338), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) -> swb_status
@@ -6661,7 +6702,7 @@ Build a model from a document; its expressions become expressions of the graph.
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
 """
 swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) =
-    ccall(address(337), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(339), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_model}}), graph, text, functions, n_functions, rhs, n_rhs, out)
 
 """
@@ -6672,7 +6713,7 @@ Numbers of states, controls and parameters of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_sizes(model, nx, nu, np) =
-    ccall(address(338), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
+    ccall(address(340), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
 
 """
     swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) -> swb_status
@@ -6688,7 +6729,7 @@ Functions that are not made of expressions are named only.
         the buffer is too short
 """
 swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) =
-    ccall(address(339), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
+    ccall(address(341), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
         duration, n_steps, buf, len, needed)
 
 """
@@ -6704,7 +6745,7 @@ Create a simulator from a document; it stands where the simulation begins.
 @return as swb_model_from_json
 """
 swb_simulator_from_json(text, functions, n_functions, duration, n_steps, out) =
-    ccall(address(340), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
+    ccall(address(342), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
         Ptr{Ptr{swb_simulator}}), text, functions, n_functions, duration, n_steps, out)
 
 """
@@ -6719,7 +6760,7 @@ given to start from. Functions that are not made of expressions are named only.
         too short
 """
 swb_ocp_to_json(ocp, buf, len, needed) =
-    ccall(address(341), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(343), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_from_json(text, functions, n_functions, out) -> swb_status
@@ -6732,7 +6773,7 @@ Create an optimal control problem from a document.
 @return as swb_model_from_json
 """
 swb_ocp_from_json(text, functions, n_functions, out) =
-    ccall(address(342), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
+    ccall(address(344), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
         n_functions, out)
 
 """
@@ -6749,7 +6790,7 @@ Create a program without pairs and bounds, parameters and start zero.
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
 """
 swb_mpcc_create(n, np, objective, constraints, settings, out) =
-    ccall(address(343), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
+    ccall(address(345), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
         Ptr{Ptr{swb_mpcc}}), n, np, objective, constraints, settings, out)
 
 """
@@ -6767,7 +6808,7 @@ A constraint may be in one pair only; a variable in several.
         there is no such index
 """
 swb_mpcc_add_pair(mpcc, kind_g, index_g, kind_h, index_h) =
-    ccall(address(344), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
+    ccall(address(346), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
         index_h)
 
 """
@@ -6784,7 +6825,7 @@ For functions described with swb_function_set_linear nothing else is prepared, a
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
 """
 swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) =
-    ccall(address(345), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
+    ccall(address(347), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
         mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data)
 
 """
@@ -6797,7 +6838,7 @@ Set bounds of the variables.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_mpcc_set_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(346), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(348), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6810,7 +6851,7 @@ Set bounds of the constraints; equal bounds make an equation. Those of rows in p
 @return as swb_mpcc_set_bounds
 """
 swb_mpcc_set_constraint_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(347), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(349), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6822,7 +6863,7 @@ Set the parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_params(mpcc, values, np) =
-    ccall(address(348), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
+    ccall(address(350), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
 
 """
     swb_mpcc_set_start(mpcc, w, n) -> swb_status
@@ -6832,7 +6873,7 @@ Set the point to start from.
 @param[in] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mpcc_set_start(mpcc, w, n) = ccall(address(349), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_set_start(mpcc, w, n) = ccall(address(351), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) -> swb_status
@@ -6847,7 +6888,7 @@ goes back to starting from a point alone.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) =
-    ccall(address(350), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(352), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         mpcc, w, n, y, m, z, n_z)
 
 """
@@ -6860,7 +6901,7 @@ Solve.
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
 """
-swb_mpcc_solve(mpcc, outcome) = ccall(address(351), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_solve(mpcc, outcome) = ccall(address(353), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_resolve(mpcc, outcome) -> swb_status
@@ -6871,7 +6912,7 @@ failed, diverged or ended infeasible this is swb_mpcc_solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_resolve(mpcc, outcome) = ccall(address(352), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_resolve(mpcc, outcome) = ccall(address(354), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_outcome(mpcc, outcome) -> swb_status
@@ -6881,7 +6922,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(353), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(355), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
@@ -6891,7 +6932,7 @@ Was the active set identified and the smooth program that remains solved?
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_polished(mpcc, polished) = ccall(address(354), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
+swb_mpcc_get_polished(mpcc, polished) = ccall(address(356), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 
 """
     swb_mpcc_get_objective(mpcc, objective) -> swb_status
@@ -6901,7 +6942,7 @@ Objective.
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_objective(mpcc, objective) =
-    ccall(address(355), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
+    ccall(address(357), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
 
 """
     swb_mpcc_get_solution(mpcc, w, n) -> swb_status
@@ -6911,7 +6952,7 @@ The point.
 @param[out] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_solution(mpcc, w, n) = ccall(address(356), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_get_solution(mpcc, w, n) = ccall(address(358), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_get_constraints(mpcc, c, m) -> swb_status
@@ -6921,7 +6962,7 @@ Constraints at the point.
 @param[out] c [m] rows; NaN where the solve failed
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(357), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
+swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(359), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 
 """
     swb_mpcc_get_multipliers(mpcc, y, m, z, n) -> swb_status
@@ -6934,7 +6975,7 @@ Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_multipliers(mpcc, y, m, z, n) =
-    ccall(address(358), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
+    ccall(address(360), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
 
 """
     swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) -> swb_status
@@ -6949,7 +6990,7 @@ the pairs were added.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) =
-    ccall(address(359), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
+    ccall(address(361), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
         mpcc, g, h, nu, xi, n_pairs)
 
 """
@@ -6962,7 +7003,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
-    ccall(address(360), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(362), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
@@ -6974,7 +7015,7 @@ What the last solve cost.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_stats(mpcc, stats, struct_size) =
-    ccall(address(361), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(363), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_set_int(mpcc, name, value) -> swb_status
@@ -6984,7 +7025,7 @@ Set an integer or enumeration option of a program (or a float one, to an integer
 @return as swb_settings_set_int
 """
 swb_mpcc_set_int(mpcc, name, value) =
-    ccall(address(362), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
+    ccall(address(364), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
 
 """
     swb_mpcc_set_double(mpcc, name, value) -> swb_status
@@ -6994,7 +7035,7 @@ Set a float option of a program by name.
 @return as swb_settings_set_double
 """
 swb_mpcc_set_double(mpcc, name, value) =
-    ccall(address(363), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
+    ccall(address(365), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
 
 """
     swb_mpcc_set_string(mpcc, name, value) -> swb_status
@@ -7004,7 +7045,7 @@ Set any option of a program by name from text: a number, or the value name of an
 @return as swb_settings_set_string
 """
 swb_mpcc_set_string(mpcc, name, value) =
-    ccall(address(364), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
+    ccall(address(366), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
 
 """
     swb_mpcc_set_settings(mpcc, settings) -> swb_status
@@ -7015,7 +7056,7 @@ Set all options of a program.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_mpcc_set_settings(mpcc, settings) =
-    ccall(address(365), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
+    ccall(address(367), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
 
 """
     swb_mpcc_get_settings(mpcc, settings, struct_size) -> swb_status
@@ -7027,7 +7068,7 @@ Options of a program, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_mpcc_get_settings(mpcc, settings, struct_size) =
-    ccall(address(366), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
+    ccall(address(368), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
 
 """
     swb_mpcc_set_iteration(mpcc, iteration, user_data) -> swb_status
@@ -7038,7 +7079,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_iteration(mpcc, iteration, user_data) =
-    ccall(address(367), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
+    ccall(address(369), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
 
 """
     swb_mpcc_set_log(mpcc, log, user_data) -> swb_status
@@ -7049,7 +7090,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_log(mpcc, log, user_data) =
-    ccall(address(368), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
+    ccall(address(370), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
 
 """
     swb_mpcc_interrupt(mpcc) -> swb_status
@@ -7061,35 +7102,35 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_mpcc_interrupt(mpcc) = ccall(address(369), swb_status, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_interrupt(mpcc) = ccall(address(371), swb_status, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_free(mpcc) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mpcc_free(mpcc) = ccall(address(370), Cvoid, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_free(mpcc) = ccall(address(372), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_stationarity_name(stationarity) -> Cstring
 
 Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Static.
 """
-swb_stationarity_name(stationarity) = ccall(address(371), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(373), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
 
 Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
-swb_doubt_name(doubt) = ccall(address(372), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(374), Cstring, (Int32,), doubt)
 
 """
     swb_second_order_name(second_order) -> Cstring
 
 Name of an enum swb_second_order, such as \"saddle\"; NULL for any other number. Static.
 """
-swb_second_order_name(second_order) = ccall(address(373), Cstring, (Int32,), second_order)
+swb_second_order_name(second_order) = ccall(address(375), Cstring, (Int32,), second_order)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -7102,7 +7143,7 @@ Name a variable, a constraint or a pair: reports and messages of the log use it.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(374), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(376), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -7115,7 +7156,7 @@ Name all variables, constraints or pairs.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(375), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(377), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -7129,7 +7170,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(376), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(378), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -7146,7 +7187,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(377), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(379), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -7170,7 +7211,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(378), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(380), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -7183,7 +7224,7 @@ What is known of the point of the last solve: type of stationarity, B-stationari
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(379), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(381), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -7196,7 +7237,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(380), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(382), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -7208,7 +7249,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(381), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(383), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -7220,7 +7261,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(382), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(384), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -7232,6 +7273,6 @@ The same for people: a table with the worst violations and what looks wrong abou
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(383), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(385), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module
