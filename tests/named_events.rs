@@ -432,3 +432,28 @@ fn what_makes_no_sense_is_refused() {
     let r = run(&b, &options(1e-8, Method::Auto), &[1.0, 0.0], &[], 9.0);
     assert!(r.notes.is_empty());
 }
+
+/// While a mode slides, the state is put back onto its surface: a guard that has passed zero does not pass it again by that.
+#[test]
+fn guards_beside_sliding_modes_act_once() {
+    let mut made = 0;
+    for k in 0..60 {
+        let part = |j: usize| ((k * 7 + j * 13) as f64 * 0.618_033_988).fract();
+        let g = Graph::new();
+        let [q, v, w, n] = [g.x(0), g.x(1), g.x(2), g.x(3)];
+        let surface = w - 0.2 * g.t().sin();
+        let rhs =
+            [v, -(1.0 + part(0)) * q - 0.1 * v + (3.0 * part(1) * g.t()).sin(), part(2) * q - w - 1.5 * surface.sign()];
+        let rhs = [rhs[0], rhs[1], rhs[2], g.constant(0.0)];
+        let guard = q + 0.5 * w - 0.2 * part(3);
+        let b = built(&g, 4, 0, &rhs, vec![jump(guard, vec![(3, n + 1.0)]), note("seen", guard.gt(0.0))]);
+        for method in [Method::Dp5, Method::Auto] {
+            let r = run(&b, &options(1e-6, method), &[part(4) - 0.5, part(5) - 0.5, 0.3, 0.0], &[], 10.0);
+            let t: Vec<f64> = r.jumps.iter().filter(|j| j.t > 0.0).map(|j| j.t).collect();
+            assert!(t.windows(2).all(|w| w[1] > w[0] + 1e-6), "{k} {method:?}: {t:?}");
+            assert_eq!(t.len(), times(&r, 1).len(), "{k} {method:?}: {t:?} {:?}", times(&r, 1));
+            made += t.len();
+        }
+    }
+    assert!(made > 150, "{made}");
+}

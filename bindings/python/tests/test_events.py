@@ -232,3 +232,28 @@ def test_bad_events_are_refused_with_words():
             swb.simulate(oscillator(), [0, 1], 1.0, events=[lambda t, y: y[0]])
         except swb.ArgumentError as error:
             raise TypeError(str(error)) from None
+
+
+@pytest.mark.parametrize("method", ["auto", "dp5", "radau5"])
+@pytest.mark.parametrize("kind", ["steps", "lines", "spline"])
+def test_derivatives_go_through_knots(kind, method):
+    values = [0.5, 3.0, -0.5] + [0.2] * (kind == "steps")
+    m = Model(states="q v", parameters="a b")
+    m.derivatives = [m.v, m.a * table(2 * m.t - 0.3, [0.4, 1.0, 2.9], values, kind) - m.b * swb.sign(m.v) - m.q]
+    options = {"rtol": 1e-11, "atol": 1e-12, "method": method}
+    p, weights = np.array([1.3, 0.4]), np.array([1.0, 0.5])
+    with swb.Integrator(m, adjoint=1, sensitivity="on", **options) as i:
+        i.set_params(p)
+        i.reinit([0.1, 0.0])
+        i.advance(3.0)
+        found, run = i.adjoint(weights).p, i.run
+    end = lambda p: swb.simulate(m, [0.1, 0.0], 3.0, p=p, **options).x_end @ weights
+    h = 1e-6
+    differences = [(end(p + h * e) - end(p - h * e)) / (2 * h) for e in np.eye(2)]
+    assert found == pytest.approx(differences, abs=1e-6) and weights @ run.dx_dp == pytest.approx(found, abs=1e-9)
+
+
+def test_code_in_c_has_what_rounds():
+    m = oscillator()
+    m.transition(m.q < 0, reset={m.v: swb.clip(-m.v, 0, 1.5) + 0.1 * floor(3 * m.v)})
+    assert "floor(" in m.c_code()

@@ -192,6 +192,7 @@ impl Engine {
         // so much of the error of the end has been made
         self.stepper.tried *= s * s * (3.0 - 2.0 * s);
         let mut t = (self.t + self.stepper.step.h).min(self.t_stop);
+        self.settle_beside_guard(l, t)?;
         let Some((mut value, mut rate)) = recover(self.watched(l, t).map(Some), None)? else { return Ok(None) };
         // the last digits, along the velocity
         for _ in 0..if w.is_leave() { 0 } else { 3 } {
@@ -208,6 +209,7 @@ impl Engine {
             }
             self.stepper.step.x1.iter_mut().zip(&self.stepper.step.f1).for_each(|(x, f)| *x += delta * f);
             t += delta;
+            self.settle_beside_guard(l, t)?;
             match recover(self.watched(l, t).map(Some), None)? {
                 Some(found) => (value, rate) = found,
                 None => return Ok(None),
@@ -359,6 +361,7 @@ impl Engine {
             }
             t += delta;
             if self.field.n_alg() > 0 {
+                self.settle_beside_guard(l, t)?;
                 // the weights at the new point
                 let r = self.field.rhs(t, &self.stepper.step.x1, &mut self.stepper.node).map(|()| true);
                 if !recover(r, false)? {
@@ -370,6 +373,16 @@ impl Engine {
         self.accept(t)?;
         let grown = if self.note_end(true) { grown.min(self.stepper.step.h) } else { grown };
         self.switch(l, slope, grown)
+    }
+
+    /// Puts the end of an explicit step that ends at a guard onto the surfaces that slide, which a straight line and the dense output leave. What
+    /// follows begins there: a guard that was at zero beside the surfaces would not be at zero on them, and pass it once more.
+    fn settle_beside_guard(&mut self, l: usize, t: f64) -> Result<()> {
+        let slides = self.field.n_alg() > 0 && !self.field.has_contacts() && !self.field.in_limit_set();
+        if slides && !self.stepper.step_implicit && matches!(self.functions.watches[l], Watch::Guard { .. }) {
+            recover(self.field.project(t, &mut self.stepper.step.x1).map(|_| true), false)?;
+        }
+        Ok(())
     }
 
     /// Where a function is not defined beyond a surface, steps only come near it: the rest, no longer than rounding,

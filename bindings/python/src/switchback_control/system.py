@@ -30,6 +30,7 @@ class System(Handle):
     _kind = "system"
     _contacts: tuple[tuple[str, int], ...] = ()  # of a scene: names of contacts and their numbers of tangents
     _scene: Any = None  # the scene it was made of
+    _events: Sequence[str] = ()  # names of the transitions
     _names: tuple[tuple[str, ...], ...]  # of states, controls and parameters: "" where one has none, () where none has
 
     def __init__(self, nx: int | str, nu: int | str = 0, np: int | str = 0, f0: Any = None):
@@ -41,7 +42,6 @@ class System(Handle):
         self.nx, self.nu, self.np = (len(names) or index(n, what) for names, (n, what) in zip(self._names, given))
         self._functions: list[Function] = []  # their callbacks are called as long as a model is there
         self.n_subsystems = 0
-        self._events: list[str] = []  # names of the transitions
         self._discrete: list[float] = []  # initial values of the last states
         self._origin: Any = None  # of a model: its graph, its states as expressions, and their names
         self._create(self.nx, self.nu, self.np)
@@ -246,7 +246,7 @@ class System(Handle):
             ctypes.byref(count),
         )
         self._functions += [f for f in (g, after) if f is not None]
-        self._events.append(name)
+        self._events = [*self._events, name]
         return count.value
 
     def add_choice(self, control: Any, values: Any, dwell: float = 0.0) -> int:
