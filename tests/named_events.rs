@@ -449,6 +449,7 @@ fn guards_beside_sliding_modes_act_once() {
         let b = built(&g, 4, 0, &rhs, vec![jump(guard, vec![(3, n + 1.0)]), note("seen", guard.gt(0.0))]);
         for method in [Method::Dp5, Method::Auto] {
             let r = run(&b, &options(1e-6, method), &[part(4) - 0.5, part(5) - 0.5, 0.3, 0.0], &[], 10.0);
+            // one that holds from the start is made there, and not noted
             let t: Vec<f64> = r.jumps.iter().filter(|j| j.t > 0.0).map(|j| j.t).collect();
             assert!(t.windows(2).all(|w| w[1] > w[0] + 1e-6), "{k} {method:?}: {t:?}");
             assert_eq!(t.len(), times(&r, 1).len(), "{k} {method:?}: {t:?} {:?}", times(&r, 1));

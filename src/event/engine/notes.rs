@@ -18,6 +18,10 @@ use crate::system::{Effect, System, Transition};
 const FRACTION: f64 = 0.01;
 /// How often a part of a step is halved where they are off by more.
 const HALVINGS: usize = 8;
+/// A zero is as close to the end of a step as rounding, times this, makes it.
+const MARGIN: f64 = 8.0;
+/// A part of a step is not halved where a function is so small there, relative to its largest value.
+const SMALL: f64 = 1e-9;
 /// Zeros of one function in one step at most: more are rounding.
 const ZEROS: usize = 64;
 /// A zero at the end of a step moves by no more than this part of it when the step is repeated.
@@ -48,6 +52,13 @@ pub(super) struct Notes {
     n_z: usize,
     /// Zeros in the present step: relative time, function, and whether it rises.
     zeros: Vec<(f64, usize, bool)>,
+}
+
+/// A function that is zero to rounding at the end of a step: does it rise, and in which part of the step before is it rounding?
+#[derive(Debug, Clone, Copy)]
+struct End {
+    rises: bool,
+    part: f64,
 }
 
 /// A function along a step: relative time to its value.
@@ -165,8 +176,10 @@ impl Engine {
         notes.all[k].values(0, &at, &mut notes.work)?;
         self.gradients_of(notes, k, t, &self.x)?;
         for l in 0..n {
-            let own = self.is_on_its_way(notes, k, (l, 0), (t, &self.x), &self.f);
-            notes.all[k].beyond[l] = own.unwrap_or(notes.all[k].v[0][l] > 0.0);
+            let (near, rate) = self.nearness(notes, l, (t, &self.x), &self.f);
+            let note = &mut notes.all[k];
+            let v = note.v[0][l];
+            note.beyond[l] = if v.abs() <= near { note.toward() * rate > 0.0 } else { v > 0.0 };
         }
         Ok(())
     }
@@ -188,18 +201,10 @@ impl Engine {
         scatter(&note.transition.guard, &at, &note.map, jac, (buffer, work))
     }
 
-    /// Is function `l`, which is at zero to rounding, on its way beyond? None where it is not at zero.
-    fn is_on_its_way(
-        &self,
-        notes: &Notes,
-        k: usize,
-        (l, end): (usize, usize),
-        at: (f64, &[f64]),
-        f: &[f64],
-    ) -> Option<bool> {
+    /// Values of function `l` up to this one are rounding; and its rate.
+    fn nearness(&self, notes: &Notes, l: usize, at: (f64, &[f64]), f: &[f64]) -> (f64, f64) {
         let (terms, rate) = self.rate_of(notes, l, at, f);
-        let near = (64.0 * EPS * terms).max(8.0 * EPS * rate.abs() * at.0.abs());
-        (notes.all[k].v[end][l].abs() <= near).then(|| notes.all[k].toward() * rate > 0.0)
+        ((64.0 * EPS * terms).max(8.0 * EPS * rate.abs() * at.0.abs()), rate)
     }
 
     fn look_through(&mut self, notes: &mut Notes, k: usize, t1: f64) -> std::result::Result<(), EvalError> {
@@ -207,7 +212,7 @@ impl Engine {
             notes.all[k].held = None;
             return Ok(());
         }
-        let (t0, n) = (self.t, notes.all[k].beyond.len());
+        let t0 = self.t;
         let before = notes.all[k].held;
         self.look_at_start(notes, k)?;
         if before == Some(false) && notes.all[k].is_true() {
@@ -217,8 +222,9 @@ impl Engine {
             self.log_note(noted);
         }
         notes.zeros.clear();
-        for l in 0..n {
-            self.zeros_of(notes, k, l, t1)?;
+        let ends = self.look_at_end(notes, k, t1)?;
+        for (l, end) in ends.iter().enumerate() {
+            self.zeros_of(notes, k, l, t1, *end)?;
         }
         notes.zeros.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut held = notes.all[k].is_true();
@@ -231,32 +237,47 @@ impl Engine {
             }
             held = now;
         }
-        // what comes to zero at the end happens there, whatever follows
-        self.gradients_of(notes, k, t1, &self.stepper.step.x1)?;
-        for l in 0..n {
-            let at = (t1, &self.stepper.step.x1[..]);
-            let on_its_way = self.is_on_its_way(notes, k, (l, 1), at, &self.stepper.step.f1);
-            if on_its_way == Some(true) && !notes.all[k].beyond[l] {
-                notes.all[k].beyond[l] = true;
-                if notes.all[k].is_true() && !held {
-                    self.note(notes, (k, l), 1.0, t1)?;
-                    self.gradients_of(notes, k, t1, &self.stepper.step.x1)?;
-                    held = true;
-                }
+        // what is at zero at the end passes it there, whatever follows
+        for (l, end) in ends.iter().enumerate() {
+            let Some(end) = end else { continue };
+            let passes = end.rises && !notes.all[k].beyond[l];
+            notes.all[k].beyond[l] = end.rises;
+            let now = notes.all[k].is_true();
+            if passes && now && !held {
+                self.note(notes, (k, l), 1.0, t1)?;
             }
+            held = now;
         }
         notes.all[k].held = Some(held);
         Ok(())
     }
 
-    /// Finds the zeros of function `l` of a note in the step; writes its value at the end.
-    fn zeros_of(&mut self, notes: &mut Notes, k: usize, l: usize, t1: f64) -> EvalResult {
+    /// Which functions of a note are at zero to rounding at the end of the step; writes their values there.
+    fn look_at_end(
+        &mut self,
+        notes: &mut Notes,
+        k: usize,
+        t1: f64,
+    ) -> std::result::Result<Vec<Option<End>>, EvalError> {
+        let h = t1 - self.stepper.step.t;
+        let at = Point { t: t1, x: &self.stepper.step.x1, u: &self.field.u, p: &self.field.p };
+        notes.all[k].values(1, &at, &mut notes.work)?;
+        self.gradients_of(notes, k, t1, &self.stepper.step.x1)?;
+        let end = |l: usize| {
+            let (near, rate) = self.nearness(notes, l, (t1, &self.stepper.step.x1), &self.stepper.step.f1);
+            let rises = notes.all[k].toward() * rate > 0.0;
+            let part = MARGIN * near / (rate.abs() * h);
+            (notes.all[k].v[1][l].abs() <= near).then_some(End { rises, part: if part < 1.0 { part } else { 0.0 } })
+        };
+        Ok((0..notes.all[k].beyond.len()).map(end).collect())
+    }
+
+    /// Finds the zeros of function `l` of a note in the step.
+    fn zeros_of(&mut self, notes: &mut Notes, k: usize, l: usize, t1: f64, end: Option<End>) -> EvalResult {
         let (t0, h) = (self.stepper.step.t, t1 - self.stepper.step.t);
         let Notes { all, sampler, work, x, zeros, .. } = notes;
         let note = &mut all[k];
         let (u, p) = (&self.field.u, &self.field.p);
-        let at = Point { t: t1, x: &self.stepper.step.x1, u, p };
-        note.values(1, &at, work)?;
         let (first, last) = (note.v[0][l], note.v[1][l]);
         let (guard, toward, begins) = (note.transition.guard.clone(), note.toward(), note.beyond[l]);
         let (n, step) = (note.beyond.len(), &self.stepper.step);
@@ -272,7 +293,12 @@ impl Engine {
         };
         // at zero to rounding where it begins on the side its value is not on
         let departs = (first > 0.0) != begins || first == 0.0;
-        find_zeros(sampler, &mut value, (begins, departs), &mut |s, rises| zeros.push((s, l, rises)))
+        find_zeros(sampler, &mut value, (begins, departs), &mut |s, rises| {
+            // next to the end it is the zero there, or rounding
+            if end.is_none_or(|end| s < 1.0 - end.part) {
+                zeros.push((s, l, rises));
+            }
+        })
     }
 
     /// Writes down that function `l` of a note makes its condition true at relative time `s`.
@@ -395,13 +421,29 @@ fn find_zeros(
             off = off.max((interpolated - sign * value(place(s))?).abs());
         }
         if off > FRACTION * largest && depth < HALVINGS {
-            let middle = 0.5 * (a + b);
+            // not at a zero, which would belong to both halves
+            let mut middle = 0.5 * (a + b);
+            if value(middle)?.abs() <= SMALL * largest {
+                middle += 0.1 * (b - middle);
+            }
             parts.push((middle, b, depth + 1));
             parts.push((a, middle, depth + 1));
             continue;
         }
         let zero = match bernstein::first(c) {
-            First::Zero(s) if s > 0.0 => place(s),
+            First::Zero(s) if s > 0.0 => {
+                // to rounding, or the rest of the part begins beside zero
+                let slope = value_slope(c, s, power) / width;
+                let mut zero = place(s);
+                for _ in 0..3 {
+                    let step = sign * value(zero)? / slope;
+                    if !(step.abs() <= FRACTION * width) {
+                        break;
+                    }
+                    zero = (zero - step).clamp(a, b);
+                }
+                zero
+            }
             // a zero of higher order at the start, or none
             _ => {
                 power = 0;
@@ -422,6 +464,11 @@ fn find_zeros(
         }
     }
     Ok(())
+}
+
+/// Slope at a zero of an interpolation by powers, which a power is divided out of.
+fn value_slope(c: &[f64], s: f64, power: usize) -> f64 {
+    s.powi(power as i32) * bernstein::slope(c, s)
 }
 
 #[cfg(test)]
