@@ -257,3 +257,41 @@ def test_code_in_c_has_what_rounds():
     m = oscillator()
     m.transition(m.q < 0, reset={m.v: swb.clip(-m.v, 0, 1.5) + 0.1 * floor(3 * m.v)})
     assert "floor(" in m.c_code()
+
+
+@pytest.mark.parametrize("kind", ["smooth", "friction", "sliding", "bounces"])
+def test_notes_are_where_transitions_of_edges_are(kind):
+    """The same conditions as notes, which are found on the dense output, and as transitions, which end steps."""
+    rng = np.random.default_rng(5)
+    compared = 0
+    for trial in range(12):
+        a = rng.normal(size=7)
+
+        def made(counted):
+            m = Model(states="q v w")
+            q, v, w = m.x
+            force = [v, -q * (1 + 0.3 * a[0] ** 2) - 0.1 * v + a[2] * swb.sin(3 * a[1] * m.t), a[3] * q - w]
+            force[1] = force[1] - (0.4 * swb.sign(v) if kind == "friction" else 0)
+            force[2] = force[2] - (1.5 * swb.sign(w - 0.2 * swb.sin(m.t)) if kind == "sliding" else 0)
+            m.derivatives = force
+            if kind == "bounces":
+                m.transition(q < -0.3, reset={v: -0.7 * v})
+            f, g = q + 0.5 * w - 0.2 * a[4], v * w - 0.3 * a[5] * q
+            events = []
+            for when in (f > 0, (f > 0) & (g > 0), (f > 0) | (g < 0), ~((f > 0) & (g > 0)), swb.sin(6 * q) + 0.3 * a[6] > 0):
+                if counted:
+                    n = m.discrete()
+                    events.append(m.transition(when, reset={n: n + 1}, edge=True))
+                else:
+                    events.append(m.note(when))
+            return m, events
+
+        start, tol = rng.normal(size=3), (1e-6, 1e-9)[trial % 2]
+        options = {"rtol": tol, "atol": tol, "method": ("auto", "dp5", "radau5")[trial % 3]}
+        (m, jumps), (n, notes) = made(True), made(False)
+        first, second = (swb.simulate(k, start, 10.0, **options) for k in (m, n))
+        for j, k in zip(jumps, notes):
+            assert len(first.t_events[j]) == len(second.t_events[k]), (trial, j, first.t_events[j], second.t_events[k])
+            assert np.abs(first.t_events[j] - second.t_events[k]).max(initial=0) < 1e3 * tol
+            compared += len(second.t_events[k])
+    assert compared > 100
