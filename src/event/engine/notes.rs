@@ -437,7 +437,7 @@ fn find_zeros(
                 let mut zero = place(s);
                 for _ in 0..3 {
                     let step = sign * value(zero)? / slope;
-                    if !(step.abs() <= FRACTION * width) {
+                    if step.is_nan() || step.abs() > FRACTION * width {
                         break;
                     }
                     zero = (zero - step).clamp(a, b);
