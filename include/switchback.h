@@ -919,7 +919,7 @@ enum swb_outcome
      */
     SWB_OUTCOME_STOPPED = 3,
     /**
-     * There is no point: programs with pairs where all branches show it, others where a point minimises the violation of the constraints.
+     * There is no point: all branches show it, or the linear rows of a program without pairs, or a point minimises the violation of the constraints.
      */
     SWB_OUTCOME_INFEASIBLE = 4,
     /**
@@ -935,7 +935,7 @@ enum swb_outcome
      */
     SWB_OUTCOME_FAILED = 7,
     /**
-     * Of an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are
+     * Only for an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are
      * another motion.
      */
     SWB_OUTCOME_NOT_FOLLOWED = 8,
@@ -953,7 +953,7 @@ typedef int32_t swb_outcome;
 #endif // __cplusplus
 
 /**
- * Was the active set identified and the smooth problem that remains solved?
+ * Outcomes of the polish, which identifies the active set and solves the smooth problem that remains.
  */
 enum swb_polished
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1039,7 +1039,7 @@ typedef int32_t swb_function_flag;
 #endif // __cplusplus
 
 /**
- * What happens at a switch.
+ * Kinds of switches.
  */
 enum swb_switch_kind
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1068,7 +1068,7 @@ typedef int32_t swb_switch_kind;
 #endif // __cplusplus
 
 /**
- * Where a path constraint holds.
+ * Places at which a path constraint holds.
  */
 enum swb_path_at
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1097,7 +1097,7 @@ typedef int32_t swb_path_at;
 #endif // __cplusplus
 
 /**
- * What the optimiser may choose of the lengths of the control stages.
+ * Freedom of the optimiser in the lengths of the control stages.
  */
 enum swb_free_time
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1126,7 +1126,7 @@ typedef int32_t swb_free_time;
 #endif // __cplusplus
 
 /**
- * Where a least-squares term counts.
+ * Places at which a least-squares term counts.
  */
 enum swb_cost_at
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1414,7 +1414,7 @@ typedef int32_t swb_run_outcome;
 #endif // __cplusplus
 
 /**
- * What happens at a switch of an event-driven simulation.
+ * Kinds of switches of an event-driven simulation.
  */
 enum swb_event_kind
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1526,7 +1526,7 @@ typedef int32_t swb_trigger;
 #endif // __cplusplus
 
 /**
- * What happens where several contacts close at once.
+ * Laws for several contacts that close at once.
  */
 enum swb_impact_law
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1551,7 +1551,7 @@ typedef int32_t swb_impact_law;
 #endif // __cplusplus
 
 /**
- * What brought an impact about.
+ * Causes of impacts.
  */
 enum swb_impact_kind
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1655,7 +1655,7 @@ typedef int32_t swb_jumps;
 #endif // __cplusplus
 
 /**
- * What a step did.
+ * Results of a step.
  */
 enum swb_progress_kind
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1688,7 +1688,7 @@ typedef int32_t swb_progress_kind;
 #endif // __cplusplus
 
 /**
- * What happens between two samples.
+ * Work done between two samples.
  */
 enum swb_nmpc_scheme
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1721,7 +1721,7 @@ typedef int32_t swb_nmpc_scheme;
 #endif // __cplusplus
 
 /**
- * What an iteration evaluates.
+ * Levels of an iteration by what it evaluates.
  */
 enum swb_nmpc_level
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1783,7 +1783,7 @@ typedef int32_t swb_nmpc_qp;
 #endif // __cplusplus
 
 /**
- * Where a control comes from.
+ * Sources of a control.
  */
 enum swb_nmpc_source
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1853,7 +1853,7 @@ typedef int32_t swb_nmpc_qp_status;
 #endif // __cplusplus
 
 /**
- * What a member of a complementarity pair is.
+ * Kinds of members of complementarity pairs.
  */
 enum swb_member
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1953,7 +1953,7 @@ typedef int32_t swb_stationarity;
 #endif // __cplusplus
 
 /**
- * Does no step to first order lead to a better point?
+ * Answers to whether no step to first order leads to a better point.
  */
 enum swb_b_stationarity
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1982,7 +1982,7 @@ typedef int32_t swb_b_stationarity;
 #endif // __cplusplus
 
 /**
- * What kept a certificate from saying more.
+ * Reasons why a certificate does not say more.
  */
 enum swb_doubt
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -2023,7 +2023,7 @@ typedef int32_t swb_doubt;
 #endif // __cplusplus
 
 /**
- * What the conditions of second order say of a point with multipliers of type S.
+ * Verdicts of the conditions of second order on a point with multipliers of type S.
  */
 enum swb_second_order
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -2056,8 +2056,8 @@ typedef int32_t swb_second_order;
 #endif // __cplusplus
 
 /**
- * What an optimal control is as a point of the control problem: is the cost stationary under changes of controls, free
- * lengths, free parameters and free initial states, when every change is simulated by events?
+ * Verdicts on an optimal control as a point of the control problem: whether the cost is stationary under changes of controls, free
+ * lengths, free parameters and free initial states, when every change is simulated by events.
  */
 enum swb_verdict
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -2073,7 +2073,7 @@ enum swb_verdict
      */
     SWB_VERDICT_LOCAL_OPTIMUM = 1,
     /**
-     * The same at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises
+     * Local optimum at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises
      * towards either side.
      */
     SWB_VERDICT_KINK = 2,
@@ -2095,7 +2095,7 @@ typedef int32_t swb_verdict;
 #endif // __cplusplus
 
 /**
- * What multipliers belong to. Those of constraints and bounds are positive where an upper bound is active and negative where a
+ * Owners of multipliers. Those of constraints and bounds are positive where an upper bound is active and negative where a
  * lower one is: raising that bound by d changes the optimal cost by -d times the multiplier, to first order.
  */
 enum swb_multipliers_of
@@ -2563,7 +2563,7 @@ typedef struct swb_freeze_options {
 } swb_freeze_options;
 
 /**
- * Where things are in a model in numerical time: the states of the scene come first and keep their numbers.
+ * Places of states and controls in a model in numerical time: the states of the scene come first and keep their numbers.
  */
 typedef struct swb_freeze_layout {
     /**
@@ -2597,7 +2597,7 @@ typedef struct swb_freeze_layout {
 } swb_freeze_layout;
 
 /**
- * Where a function is evaluated. Derivatives number the inputs in this order: x, u, p, then t.
+ * Inputs of a function that is evaluated. Derivatives number the inputs in this order: x, u, p, then t.
  */
 typedef struct swb_point {
     /**
@@ -2707,11 +2707,11 @@ typedef struct swb_casadi {
      */
     swb_code decref;
     /**
-     * Of the generated file, since CasADi 3.8: size of an integer.
+     * Size of an integer in the generated file, since CasADi 3.8.
      */
     swb_code int_size;
     /**
-     * Of the generated file, since CasADi 3.8: size of a number.
+     * Size of a number in the generated file, since CasADi 3.8.
      */
     swb_code real_size;
 } swb_casadi;
@@ -2823,7 +2823,7 @@ typedef struct swb_residuals {
 } swb_residuals;
 
 /**
- * What a solve cost, or all steps of a simulation.
+ * Work and time of a solve, or of all steps of a simulation.
  */
 typedef struct swb_stats {
     /**
@@ -3176,7 +3176,7 @@ typedef struct swb_branch_point {
      */
     int64_t n_continuations;
     /**
-     * The one that was taken, from 0; -1 where the run stopped.
+     * The continuation that was taken, from 0; -1 where the run stopped.
      */
     int64_t taken;
 } swb_branch_point;
@@ -3216,11 +3216,11 @@ typedef struct swb_accumulation {
      */
     uint64_t struct_size;
     /**
-     * Where they accumulate, by the geometric series of the last intervals.
+     * Time at which they accumulate, by the geometric series of the last intervals.
      */
     double t;
     /**
-     * Where ordinary integration begins again.
+     * Time at which ordinary integration begins again.
      */
     double until;
     /**
@@ -3228,7 +3228,7 @@ typedef struct swb_accumulation {
      */
     int64_t steps;
     /**
-     * What these steps added to the error of the state, relative to the tolerance.
+     * Error that these steps added to the state, relative to the tolerance.
      */
     double error;
 } swb_accumulation;
@@ -3282,7 +3282,7 @@ typedef struct swb_jump {
 } swb_jump;
 
 /**
- * What one contact contributes to an impact.
+ * The part of one contact in an impact.
  */
 typedef struct swb_impact {
     /**
@@ -3442,7 +3442,7 @@ typedef struct swb_step_options {
      */
     double h;
     /**
-     * Where in a step functions are evaluated: 1/2 in its middle, 1 at its start.
+     * Place in a step at which functions are evaluated: 1/2 in its middle, 1 at its start.
      */
     double theta;
     /**
@@ -3468,7 +3468,7 @@ typedef struct swb_step_options {
 } swb_step_options;
 
 /**
- * What the steps since the state was set cost and how they went.
+ * Counts of the steps since the state was set, and how they went.
  */
 typedef struct swb_step_stats {
     /**
@@ -3530,11 +3530,11 @@ typedef struct swb_nmpc_options {
      */
     uint64_t struct_size;
     /**
-     * What happens between two samples, an enum swb_nmpc_scheme.
+     * Work done between two samples, an enum swb_nmpc_scheme.
      */
     int64_t scheme;
     /**
-     * What an iteration evaluates, an enum swb_nmpc_level: that of SWB_NMPC_SCHEME_MLI, and of the inner iterations of
+     * Level of an iteration by what it evaluates, an enum swb_nmpc_level: that of SWB_NMPC_SCHEME_MLI, and of the inner iterations of
      * SWB_NMPC_SCHEME_AS_RTI; levels D also say where Hessians come from.
      */
     int64_t level;
@@ -3587,7 +3587,7 @@ typedef struct swb_nmpc_options {
 } swb_nmpc_options;
 
 /**
- * What a preparation or a feedback did.
+ * Result of a preparation or a feedback.
  */
 typedef struct swb_nmpc_info {
     /**
@@ -3621,7 +3621,7 @@ typedef struct swb_nmpc_info {
 } swb_nmpc_info;
 
 /**
- * What a controller knows of its own work since it was made or reset. Evaluations are counted for the whole horizon at once,
+ * Counts and times of a controller's own work since it was made or reset. Evaluations are counted for the whole horizon at once,
  * those of dynamics at every point of a Runge-Kutta step.
  */
 typedef struct swb_nmpc_monitor {
@@ -3746,7 +3746,7 @@ typedef struct swb_nmpc_monitor {
      */
     int64_t alternatives;
     /**
-     * Those that were taken.
+     * Flips that were taken.
      */
     int64_t flips;
 } swb_nmpc_monitor;
@@ -3808,7 +3808,7 @@ typedef struct swb_accuracy {
 } swb_accuracy;
 
 /**
- * What is known of the point of a program. Without pairs type S says that it satisfies the conditions of Karush, Kuhn and Tucker.
+ * Knowledge of the point of a program. Without pairs type S says that it satisfies the conditions of Karush, Kuhn and Tucker.
  */
 typedef struct swb_certificate {
     /**
@@ -3828,7 +3828,7 @@ typedef struct swb_certificate {
      */
     int64_t b_stationarity;
     /**
-     * What the questions left open failed at (enum swb_doubt).
+     * Reason why questions are left open (enum swb_doubt).
      */
     int64_t doubt;
     /**
@@ -3856,7 +3856,7 @@ typedef struct swb_certificate {
      */
     int64_t nodes;
     /**
-     * What the conditions of second order say (enum swb_second_order). Discretised problems with modes are not asked.
+     * Verdict of the conditions of second order (enum swb_second_order). Discretised problems with modes are not asked.
      */
     int64_t second_order;
     /**
@@ -3915,7 +3915,7 @@ typedef struct swb_kink {
      */
     double before;
     /**
-     * The same towards a switch in the stage behind.
+     * Derivative towards a switch in the stage behind.
      */
     double after;
     /**
@@ -3954,7 +3954,7 @@ typedef struct swb_ocp_jump {
 } swb_ocp_jump;
 
 /**
- * What a solve of several phases found; what the phases do is asked of them, see swb_multiphase_get_phase.
+ * Result of a solve of several phases; the phases are asked for theirs, see swb_multiphase_get_phase.
  */
 typedef struct swb_multiphase_info {
     /**
@@ -4129,7 +4129,7 @@ SWB_API const char *swb_version(void);
 SWB_API int32_t swb_abi_version(void);
 
 /**
- * Does this library serve a program compiled with the header of the given version?
+ * Compares this library with the header of the given version that a program was compiled with.
  *
  * Call as swb_check_version(SWB_VERSION_MAJOR, SWB_VERSION_MINOR). Before 1.0 both numbers must be
  * equal; from then on the major ones, and the library must not be older.
@@ -4312,7 +4312,7 @@ swb_status swb_option_range(int64_t index,
 SWB_API swb_status swb_option_default(int64_t index, double *value);
 
 /**
- * Is an option fixed once an object is built with it?
+ * Tells whether an option is fixed once an object is built with it.
  *
  * @param[out] setup_only 1 if it is fixed, 0 if it may change between solves
  * @return SWB_OK; SWB_ERR_DIMENSION if there is no such index
@@ -4362,7 +4362,7 @@ swb_status swb_scene_freeze(struct swb_scene *scene,
                             struct swb_model **out);
 
 /**
- * What became of the contacts in the last call of swb_scene_freeze: strengths, the recommended ones, warnings.
+ * Report on the contacts in the last call of swb_scene_freeze: strengths, the recommended ones, warnings.
  *
  * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
  * @param[out] needed length with the final NUL; may be NULL
@@ -5019,7 +5019,7 @@ swb_status swb_model_create(struct swb_expr *graph,
 SWB_NODISCARD SWB_API swb_status swb_model_system(const struct swb_model *model, struct swb_system **out);
 
 /**
- * What a model consists of. Any output may be NULL.
+ * Sizes of the parts of a model. Any output may be NULL.
  *
  * @param[out] n_subsystems          groups of terms that switch together
  * @param[out] n_switching_functions of all subsystems
@@ -5182,7 +5182,7 @@ swb_status swb_trajectory_modes(const struct swb_trajectory *trajectory,
                                 int64_t n);
 
 /**
- * Which modes are active in the elements: one alone, or several in a sliding mode.
+ * Active modes in the elements: one alone, or several in a sliding mode.
  *
  * @param[out] active [n] n_elements * n_modes, 0 or 1, the modes of one element together
  * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
@@ -5382,7 +5382,7 @@ swb_status swb_simulator_get_residuals(const struct swb_simulator *sim,
                                        uint64_t struct_size);
 
 /**
- * What the steps of the trajectory cost.
+ * Work and time of the steps of the trajectory.
  *
  * @param[out] stats       every field is written
  * @param[in]  struct_size sizeof(swb_stats)
@@ -5605,7 +5605,7 @@ swb_status swb_run_accumulations(const struct swb_run *run,
 SWB_API swb_status swb_run_modes(const struct swb_run *run, int64_t *n_modes, int64_t n);
 
 /**
- * Which modes of its subsystem are active before and after a switch.
+ * Active modes of its subsystem before and after a switch.
  *
  * @param[in]  index  the switch, from 0
  * @param[out] before [n] 0 or 1 for each mode of the subsystem
@@ -6466,7 +6466,7 @@ swb_status swb_integrator_get_derivative(const struct swb_integrator *integrator
                                          int64_t nx);
 
 /**
- * Which modes of a subsystem are active: one alone, or several in a sliding mode; none before the first step.
+ * Active modes of a subsystem: one alone, or several in a sliding mode; none before the first step.
  *
  * @param[in]  subsystem counted among those with more than one mode
  * @param[out] active    [n] 0 or 1 for each mode of the subsystem
@@ -6816,7 +6816,7 @@ swb_status swb_stepper_get_impulses(const struct swb_stepper *stepper,
                                     int64_t n);
 
 /**
- * What the steps since the state was set cost and how they went.
+ * Counts of the steps since the state was set, and how they went.
  *
  * @param[out] stats
  * @param[in]  struct_size sizeof(swb_step_stats)
@@ -7360,7 +7360,7 @@ swb_status swb_ocp_solve(struct swb_ocp *ocp,
 SWB_API swb_status swb_ocp_get_outcome(const struct swb_ocp *ocp, int32_t *outcome);
 
 /**
- * Was the active set identified and the problem solved with it?
+ * Outcome of the polish, which identifies the active set and solves the problem with it.
  *
  * @param[out] polished an enum swb_polished
  * @return SWB_OK; SWB_ERR_STATE before the first solve
@@ -7379,7 +7379,7 @@ swb_status swb_ocp_get_cost(const struct swb_ocp *ocp,
                             double *cost);
 
 /**
- * What the point costs at which the last solve ended, however it ended. Unless the outcome is SWB_OUTCOME_SOLVED the point
+ * Cost of the point at which the last solve ended, however it ended. Unless the outcome is SWB_OUTCOME_SOLVED the point
  * need not satisfy dynamics and constraints, and its cost may lie on either side of that of a solution. NaN where the
  * solve was stopped before it was known.
  *
@@ -7433,7 +7433,7 @@ swb_status swb_ocp_get_residuals(const struct swb_ocp *ocp,
                                  uint64_t struct_size);
 
 /**
- * What the last solve cost.
+ * Work and time of the last solve.
  *
  * @param[out] stats       every field is written
  * @param[in]  struct_size sizeof(swb_stats)
@@ -7567,7 +7567,7 @@ swb_status swb_ocp_get_accuracy(const struct swb_ocp *ocp,
                                 uint64_t struct_size);
 
 /**
- * What is known of the last solution as a point of the discretised program: type of stationarity, B-stationarity; unknown
+ * Knowledge of the last solution as a point of the discretised program: type of stationarity, B-stationarity; unknown
  * unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
  *
  * @param[out] certificate every field is written
@@ -7657,7 +7657,7 @@ swb_status swb_ocp_get_multipliers(struct swb_ocp *ocp,
 SWB_API const char *swb_verdict_name(int32_t verdict);
 
 /**
- * Is the last solution optimal for the control problem? Derivatives of event-driven simulations of its controls and the
+ * Verdict on the last solution as an optimum of the control problem. Derivatives of event-driven simulations of its controls and the
  * multipliers of its constraints decide, independently of the discretisation.
  *
  * @param[out] optimality  every field is written
@@ -7804,7 +7804,7 @@ swb_status swb_ocp_contact_forces(const struct swb_ocp *ocp,
                                   int64_t n);
 
 /**
- * What stood for the contacts in numerical time when the search was by time-freezing: the strength a_n of the push or the stiffness k of
+ * Report on the contacts in numerical time when the search was by time-freezing: the strength a_n of the push or the stiffness k of
  * every contact, the recommended one, how long a jump takes, warnings.
  *
  * @param[out] buf    [len] the text with its final NUL, empty for other searches; NULL with len 0 to ask for the length
@@ -7906,7 +7906,7 @@ swb_status swb_ocp_solve_starts(struct swb_ocp *ocp,
                                 int64_t *best);
 
 /**
- * What the starts of the last swb_ocp_solve_starts found.
+ * Results of the starts of the last swb_ocp_solve_starts.
  *
  * @param[in]  start    from 0
  * @param[out] outcome  an enum swb_outcome; may be NULL
@@ -8277,7 +8277,7 @@ swb_status swb_multiphase_link_reset(struct swb_multiphase *m,
 SWB_NODISCARD SWB_API swb_status swb_multiphase_solve(struct swb_multiphase *m, int32_t *outcome);
 
 /**
- * What the last solve found.
+ * Result of the last solve.
  *
  * @param[out] info        every field is written
  * @param[in]  struct_size sizeof(swb_multiphase_info)
@@ -8602,12 +8602,14 @@ swb_status swb_mpcc_resolve(struct swb_mpcc *mpcc,
 SWB_API swb_status swb_mpcc_get_outcome(const struct swb_mpcc *mpcc, int32_t *outcome);
 
 /**
- * Was the active set identified and the smooth program that remains solved?
+ * Outcome of the polish, which identifies the active set and solves the smooth program that remains.
  *
  * @param[out] polished an enum swb_polished
  * @return SWB_OK; SWB_ERR_STATE before the first solve
  */
-SWB_API swb_status swb_mpcc_get_polished(const struct swb_mpcc *mpcc, int32_t *polished);
+SWB_API
+swb_status swb_mpcc_get_polished(const struct swb_mpcc *mpcc,
+                                 int32_t *polished);
 
 /**
  * Objective.
@@ -8678,7 +8680,7 @@ swb_status swb_mpcc_get_residuals(const struct swb_mpcc *mpcc,
                                   uint64_t struct_size);
 
 /**
- * What the last solve cost.
+ * Work and time of the last solve.
  *
  * @param[out] stats       every field is written
  * @param[in]  struct_size sizeof(swb_stats)
@@ -8828,7 +8830,7 @@ swb_status swb_mpcc_get_name(const struct swb_mpcc *mpcc,
                              int64_t *needed);
 
 /**
- * What the point of the last solve violates, the worst first: bounds by how much they are exceeded, pairs by
+ * Violations at the point of the last solve, the worst first: bounds by how much they are exceeded, pairs by
  * min(G, H).
  *
  * @param[out] kinds      [k] enum swb_item
@@ -8875,7 +8877,7 @@ swb_status swb_mpcc_get_conflict(const struct swb_mpcc *mpcc,
                                  double *residual);
 
 /**
- * What is known of the point of the last solve: type of stationarity, B-stationarity.
+ * Knowledge of the point of the last solve: type of stationarity, B-stationarity.
  *
  * @param[out] certificate every field is written
  * @param[in]  struct_size sizeof(swb_certificate)
@@ -8925,7 +8927,7 @@ swb_status swb_mpcc_statistics_json(const struct swb_mpcc *mpcc,
                                     int64_t *needed);
 
 /**
- * The same for people: a table with the worst violations and what looks wrong about the program.
+ * Report on the last solve for people: a table with the worst violations and what looks wrong about the program.
  *
  * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
  * @param[out] needed length with the final NUL; may be NULL

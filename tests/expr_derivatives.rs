@@ -144,6 +144,7 @@ impl Taylor {
                     _ => self.map(s / c, one / (c * c), -(two * s / (c * c * c))),
                 }
             }
+            Unary::Floor => Taylor::constant(Dd::from(a.hi().floor())),
             Unary::Erf => {
                 let d = two / Dd::PI.sqrt() * (-(a * a)).exp();
                 self.map(a.erf(), d, -(two * a * d))
@@ -174,7 +175,8 @@ impl Program {
                     (Step::Constant(c), c)
                 }
                 1..=4 => {
-                    let op = Unary::ALL[r.below(Unary::ALL.len())];
+                    // all but the last one, floor, which has no derivative where it jumps
+                    let op = Unary::ALL[r.below(Unary::ALL.len() - 1)];
                     let inside = match op {
                         Unary::Sqrt | Unary::Log => a > 0.2,
                         Unary::Asin | Unary::Acos => a.abs() < 0.9,

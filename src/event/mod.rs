@@ -228,7 +228,6 @@ impl Jump {
     }
 }
 
-/// Causes of impacts.
 /// What a transition of the effect [`Effect::Note`](crate::system::Effect::Note) wrote down.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noted {
@@ -251,7 +250,7 @@ impl Noted {
     }
 }
 
-/// What brought an impact about.
+/// Causes of impacts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 #[non_exhaustive]

@@ -144,10 +144,9 @@ impl Rule {
 pub struct Transition {
     /// The guard `ψ`, one output; as many as `clauses` name.
     pub guard: SharedFunction,
-    /// Direction in which the guard passes zero.
     /// Lists of outputs of the guard: its condition is that all of one list are positive. No lists: that of the one output, in its direction.
     pub clauses: Vec<Vec<usize>>,
-    /// Where it passes zero to.
+    /// Direction in which the guard passes zero.
     pub direction: Direction,
     /// Discrete states and the values they must have for the transition to be watched.
     pub from: Vec<(usize, f64)>,

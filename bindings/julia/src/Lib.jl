@@ -401,11 +401,11 @@ How a solve ended. Numbers are only ever added.
 - `SWB_OUTCOME_MAX_ITER`: Out of iterations; the point is the last iterate.
 - `SWB_OUTCOME_MAX_TIME`: Out of time; the point is the last iterate.
 - `SWB_OUTCOME_STOPPED`: A callback or an interrupt asked to stop; the point is the last iterate.
-- `SWB_OUTCOME_INFEASIBLE`: There is no point: programs with pairs where all branches show it, others where a point minimises the violation of the constraints.
+- `SWB_OUTCOME_INFEASIBLE`: There is no point: all branches show it, or the linear rows of a program without pairs, or a point minimises the violation of the constraints.
 - `SWB_OUTCOME_STALLED`: No progress is possible although the tolerance is not reached.
 - `SWB_OUTCOME_DIVERGING`: The iterates diverge.
 - `SWB_OUTCOME_FAILED`: There is no usable point; the call returned an error that says why.
-- `SWB_OUTCOME_NOT_FOLLOWED`: Of an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are another motion.
+- `SWB_OUTCOME_NOT_FOLLOWED`: Only for an optimal control problem: its discretised problem is solved, but simulations of the controls, single stages included, are another motion.
 - `SWB_OUTCOME_LOCALLY_INFEASIBLE`: Converged to a point that minimises the violation of the constraints locally; whether there is a point elsewhere is not known.
 """
 const swb_outcome = Int64
@@ -422,7 +422,7 @@ const SWB_OUTCOME_LOCALLY_INFEASIBLE = swb_outcome(9)
 const NAMES_swb_outcome = [:solved => 0, :max_iter => 1, :max_time => 2, :stopped => 3, :infeasible => 4, :stalled => 5, :diverging => 6, :failed => 7, :not_followed => 8, :locally_infeasible => 9]
 
 """
-Was the active set identified and the smooth problem that remains solved?
+Outcomes of the polish, which identifies the active set and solves the smooth problem that remains.
 
 - `SWB_POLISHED_NONE`: Not asked for, or not reached.
 - `SWB_POLISHED_DONE`: Yes: the pairs are exactly complementary.
@@ -546,7 +546,7 @@ const SWB_TABLE_SPLINE = swb_table(2)
 const NAMES_swb_table = [:steps => 0, :lines => 1, :spline => 2]
 
 """
-What happens at a switch.
+Kinds of switches.
 
 - `SWB_SWITCH_KIND_CROSS`: Modes leave the active set and others enter it.
 - `SWB_SWITCH_KIND_ENTER`: Modes enter: a sliding mode begins, or gets another mode.
@@ -582,7 +582,7 @@ const SWB_RUN_OUTCOME_STOPPED = swb_run_outcome(100)
 const NAMES_swb_run_outcome = [:reached => 0, :max_steps => 1, :step_too_small => 2, :zeno => 3, :ambiguous => 4, :no_continuation => 5, :event => 6, :stopped => 100]
 
 """
-What happens at a switch of an event-driven simulation.
+Kinds of switches of an event-driven simulation.
 
 - `SWB_EVENT_KIND_CROSS`: Modes leave the active set and others enter it.
 - `SWB_EVENT_KIND_ENTER`: Modes enter: a sliding mode begins, or gets another mode.
@@ -632,7 +632,7 @@ const SWB_TRIGGER_EDGE = swb_trigger(1)
 const NAMES_swb_trigger = [:level => 0, :edge => 1]
 
 """
-What happens where several contacts close at once.
+Laws for several contacts that close at once.
 
 - `SWB_IMPACT_LAW_NEWTON`: Newton's law for all contacts in one complementarity problem (Moreau).
 - `SWB_IMPACT_LAW_SEQUENTIAL`: Newton's law for one contact after the other, the one that closes fastest first.
@@ -643,7 +643,7 @@ const SWB_IMPACT_LAW_SEQUENTIAL = swb_impact_law(1)
 const NAMES_swb_impact_law = [:newton => 0, :sequential => 1]
 
 """
-What brought an impact about.
+Causes of impacts.
 
 - `SWB_IMPACT_KIND_COLLISION`: A contact closed.
 - `SWB_IMPACT_KIND_PAINLEVE`: No forces continue the motion (Painleve): sliding stops by an impact without collision.
@@ -671,7 +671,7 @@ const SWB_CONTACT_MODE_SLIDES_BACK = swb_contact_mode(3)
 const NAMES_swb_contact_mode = [:open => 0, :closed => 1, :slides => 2, :slides_back => 3]
 
 """
-What a step did.
+Results of a step.
 
 - `SWB_PROGRESS_KIND_STEPPED`: A step inside of a mode.
 - `SWB_PROGRESS_KIND_SWITCHED`: A step that ends at a switch.
@@ -686,7 +686,7 @@ const SWB_PROGRESS_KIND_STOP_TIME = swb_progress_kind(3)
 const NAMES_swb_progress_kind = [:stepped => 0, :switched => 1, :done => 2, :stop_time => 3]
 
 """
-What happens between two samples.
+Work done between two samples.
 
 - `SWB_NMPC_SCHEME_RTI`: One linearisation at the last iterate per sample.
 - `SWB_NMPC_SCHEME_MLI`: One iteration of a level per sample; levels A, B, C keep the matrices of the first linearisation.
@@ -701,7 +701,7 @@ const SWB_NMPC_SCHEME_ASC = swb_nmpc_scheme(3)
 const NAMES_swb_nmpc_scheme = [:rti => 0, :mli => 1, :as_rti => 2, :asc => 3]
 
 """
-What an iteration evaluates.
+Levels of an iteration by what it evaluates.
 
 - `SWB_NMPC_LEVEL_A`: Nothing: another initial value in the same quadratic program.
 - `SWB_NMPC_LEVEL_B`: Values of the constraints; the gradient from the frozen Hessian.
@@ -729,7 +729,7 @@ const SWB_NMPC_QP_CONDENSING = swb_nmpc_qp(0)
 const NAMES_swb_nmpc_qp = [:condensing => 0]
 
 """
-Where a control comes from.
+Sources of a control.
 
 - `SWB_NMPC_SOURCE_QP`: The quadratic program.
 - `SWB_NMPC_SOURCE_SOFT_QP`: The quadratic program with constraints at a price, since they cannot all be met.
@@ -761,7 +761,7 @@ const SWB_NMPC_QP_STATUS_FAILED = swb_nmpc_qp_status(3)
 const NAMES_swb_nmpc_qp_status = [:solved => 0, :infeasible => 1, :out_of_time => 2, :failed => 3]
 
 """
-Where a path constraint holds.
+Places at which a path constraint holds.
 
 - `SWB_PATH_AT_CONTROL_GRID`: At both ends of every control stage, with the control of that stage.
 - `SWB_PATH_AT_ELEMENTS`: At the start of every control stage and the end of every finite element.
@@ -774,7 +774,7 @@ const SWB_PATH_AT_STAGE_POINTS = swb_path_at(2)
 const NAMES_swb_path_at = [:control_grid => 0, :elements => 1, :stage_points => 2]
 
 """
-What multipliers belong to. Those of constraints and bounds are positive where an upper bound is active and negative where a
+Owners of multipliers. Those of constraints and bounds are positive where an upper bound is active and negative where a
 lower one is: raising that bound by d changes the optimal cost by -d times the multiplier, to first order.
 
 - `SWB_MULTIPLIERS_OF_COSTATES`: Costates, nx at the start of every control stage and at the end of the horizon: derivatives of the cost that is still to come, constraints behind that time included, with respect to the state; at the end, of terminal cost and constraints.
@@ -800,12 +800,12 @@ const SWB_MULTIPLIERS_OF_RELAXED = swb_multipliers_of(8)
 const NAMES_swb_multipliers_of = [:costates => 0, :initial_state => 1, :states => 2, :controls => 3, :params => 4, :path => 5, :terminal => 6, :boundary => 7, :relaxed => 8]
 
 """
-What an optimal control is as a point of the control problem: is the cost stationary under changes of controls, free
-lengths, free parameters and free initial states, when every change is simulated by events?
+Verdicts on an optimal control as a point of the control problem: whether the cost is stationary under changes of controls, free
+lengths, free parameters and free initial states, when every change is simulated by events.
 
 - `SWB_VERDICT_UNKNOWN`: Not known; swb_ocp_get_optimality_reason says why.
 - `SWB_VERDICT_LOCAL_OPTIMUM`: No change lowers the cost to first order, or a descent on simulations gains nothing.
-- `SWB_VERDICT_KINK`: The same at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises towards either side.
+- `SWB_VERDICT_KINK`: Local optimum at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises towards either side.
 - `SWB_VERDICT_NOT_OPTIMAL`: Some change lowers the cost to first order.
 - `SWB_VERDICT_GLOBAL`: An exact search over all choices (swb_system_add_choice) found no answer that costs less by more than the gap of swb_optimality.
 """
@@ -837,7 +837,7 @@ const SWB_JUMPS_FREEZING = swb_jumps(5)
 const NAMES_swb_jumps = [:auto => 0, :modes => 1, :fesd_j => 2, :steps => 3, :shots => 4, :freezing => 5]
 
 """
-What the optimiser may choose of the lengths of the control stages.
+Freedom of the optimiser in the lengths of the control stages.
 
 - `SWB_FREE_TIME_NONE`: Nothing.
 - `SWB_FREE_TIME_HORIZON`: The horizon; the stages keep their shares of it.
@@ -850,7 +850,7 @@ const SWB_FREE_TIME_STAGES = swb_free_time(2)
 const NAMES_swb_free_time = [:none => 0, :horizon => 1, :stages => 2]
 
 """
-Where a least-squares term counts.
+Places at which a least-squares term counts.
 
 - `SWB_COST_AT_RUNNING`: Integrated along the horizon.
 - `SWB_COST_AT_CONTROL_GRID`: Summed over the ends of the control stages.
@@ -876,7 +876,7 @@ const SWB_NORM_LINF = swb_norm(2)
 const NAMES_swb_norm = [:l1 => 0, :l2 => 1, :linf => 2]
 
 """
-What a member of a complementarity pair is.
+Kinds of members of complementarity pairs.
 
 - `SWB_MEMBER_VARIABLE`: A variable; its lower bound becomes zero.
 - `SWB_MEMBER_CONSTRAINT`: A row of the constraints; its own bounds are not used.
@@ -922,7 +922,7 @@ const SWB_STATIONARITY_UNKNOWN = swb_stationarity(6)
 const NAMES_swb_stationarity = [:s => 0, :m => 1, :c => 2, :a => 3, :w => 4, :none => 5, :unknown => 6]
 
 """
-Does no step to first order lead to a better point?
+Answers to whether no step to first order leads to a better point.
 
 - `SWB_B_STATIONARITY_YES`: None does: a B-stationary point, which has no descent.
 - `SWB_B_STATIONARITY_NO`: There is a descent.
@@ -935,7 +935,7 @@ const SWB_B_STATIONARITY_UNDECIDED = swb_b_stationarity(2)
 const NAMES_swb_b_stationarity = [:yes => 0, :no => 1, :undecided => 2]
 
 """
-What kept a certificate from saying more.
+Reasons why a certificate does not say more.
 
 - `SWB_DOUBT_NONE`: Nothing.
 - `SWB_DOUBT_DATA`: Values that are not finite.
@@ -954,7 +954,7 @@ const SWB_DOUBT_STOPPED = swb_doubt(5)
 const NAMES_swb_doubt = [:none => 0, :data => 1, :infeasible => 2, :nodes => 3, :accuracy => 4, :stopped => 5]
 
 """
-What the conditions of second order say of a point with multipliers of type S.
+Verdicts of the conditions of second order on a point with multipliers of type S.
 
 - `SWB_SECOND_ORDER_STRICT_MINIMUM`: Sufficient conditions hold: a local minimum, and the only one near by.
 - `SWB_SECOND_ORDER_SADDLE`: The objective falls along the active constraints, whose gradients are independent: no local minimum.
@@ -1226,7 +1226,7 @@ end
 sizeof(swb_residuals) == 48 || error("swb_residuals has another size than in C")
 
 """
-What a solve cost, or all steps of a simulation.
+Work and time of a solve, or of all steps of a simulation.
 
 - `struct_size`: Size of this struct in bytes.
 - `iterations`: Interior-point iterations, restoration included.
@@ -1358,7 +1358,7 @@ end
 sizeof(swb_freeze_options) == 56 || error("swb_freeze_options has another size than in C")
 
 """
-Where things are in a model in numerical time: the states of the scene come first and keep their numbers.
+Places of states and controls in a model in numerical time: the states of the scene come first and keep their numbers.
 
 - `struct_size`: Size of this struct in bytes.
 - `first_depth`: First state that is the depth of a contact with restitution.
@@ -1380,7 +1380,7 @@ end
 sizeof(swb_freeze_layout) == 56 || error("swb_freeze_layout has another size than in C")
 
 """
-Where a function is evaluated. Derivatives number the inputs in this order: x, u, p, then t.
+Inputs of a function that is evaluated. Derivatives number the inputs in this order: x, u, p, then t.
 
 - `t`: Time; NAN during a solve for functions that do not say that they depend on it.
 - `x`: [nx] states, or the variables of a program; NULL if nx is 0.
@@ -1411,8 +1411,8 @@ that is linked.
 - `release`: f_release
 - `incref`: f_incref
 - `decref`: f_decref
-- `int_size`: Of the generated file, since CasADi 3.8: size of an integer.
-- `real_size`: Of the generated file, since CasADi 3.8: size of a number.
+- `int_size`: Size of an integer in the generated file, since CasADi 3.8.
+- `real_size`: Size of a number in the generated file, since CasADi 3.8.
 """
 struct swb_casadi
     struct_size::UInt64
@@ -1596,7 +1596,7 @@ A point from which several solutions go on.
 - `struct_size`: Size of this struct in bytes.
 - `t`: Time.
 - `n_continuations`: Continuations that differ in their velocity.
-- `taken`: The one that was taken, from 0; -1 where the run stopped.
+- `taken`: The continuation that was taken, from 0; -1 where the run stopped.
 """
 struct swb_branch_point
     struct_size::UInt64
@@ -1628,10 +1628,10 @@ sizeof(swb_contact) == 40 || error("swb_contact has another size than in C")
 Accumulating switches.
 
 - `struct_size`: Size of this struct in bytes.
-- `t`: Where they accumulate, by the geometric series of the last intervals.
-- `until`: Where ordinary integration begins again.
+- `t`: Time at which they accumulate, by the geometric series of the last intervals.
+- `until`: Time at which ordinary integration begins again.
 - `steps`: Steps of the policy time_stepping, 0 with the others.
-- `error`: What these steps added to the error of the state, relative to the tolerance.
+- `error`: Error that these steps added to the state, relative to the tolerance.
 """
 struct swb_accumulation
     struct_size::UInt64
@@ -1677,7 +1677,7 @@ end
 sizeof(swb_jump) == 40 || error("swb_jump has another size than in C")
 
 """
-What one contact contributes to an impact.
+The part of one contact in an impact.
 
 - `struct_size`: Size of this struct in bytes.
 - `t`: Time.
@@ -1761,7 +1761,7 @@ Options of a stepper; swb_step_options_init sets the defaults.
 
 - `struct_size`: Size of this struct in bytes.
 - `h`: Length of a step.
-- `theta`: Where in a step functions are evaluated: 1/2 in its middle, 1 at its start.
+- `theta`: Place in a step at which functions are evaluated: 1/2 in its middle, 1 at its start.
 - `tolerance`: Impulses of a step are found to this share of them, measured by energy.
 - `max_iterations`: Sweeps over the contacts and steps of conjugate gradients in a step at most.
 - `law`: An enum swb_impact_law, or -1 for that of the scene.
@@ -1781,7 +1781,7 @@ end
 sizeof(swb_step_options) == 64 || error("swb_step_options has another size than in C")
 
 """
-What the steps since the state was set cost and how they went.
+Counts of the steps since the state was set, and how they went.
 
 - `struct_size`: Size of this struct in bytes.
 - `steps`: Steps.
@@ -1816,8 +1816,8 @@ sizeof(swb_step_stats) == 96 || error("swb_step_stats has another size than in C
 Options of a controller; swb_nmpc_options_init sets the defaults.
 
 - `struct_size`: Size of this struct in bytes.
-- `scheme`: What happens between two samples, an enum swb_nmpc_scheme.
-- `level`: What an iteration evaluates, an enum swb_nmpc_level: that of SWB_NMPC_SCHEME_MLI, and of the inner iterations of SWB_NMPC_SCHEME_AS_RTI; levels D also say where Hessians come from.
+- `scheme`: Work done between two samples, an enum swb_nmpc_scheme.
+- `level`: Level of an iteration by what it evaluates, an enum swb_nmpc_level: that of SWB_NMPC_SCHEME_MLI, and of the inner iterations of SWB_NMPC_SCHEME_AS_RTI; levels D also say where Hessians come from.
 - `inner`: Inner iterations of advanced steps per sample, at most 10000.
 - `qp_solver`: How quadratic programs are solved, an enum swb_nmpc_qp.
 - `shift`: 1: the iterate moves by one stage at every sample; 0: it does not.
@@ -1849,7 +1849,7 @@ end
 sizeof(swb_nmpc_options) == 112 || error("swb_nmpc_options has another size than in C")
 
 """
-What a preparation or a feedback did.
+Result of a preparation or a feedback.
 
 - `struct_size`: Size of this struct in bytes.
 - `ready`: Preparation: 1 if there is a quadratic program for the next sample.
@@ -1871,7 +1871,7 @@ end
 sizeof(swb_nmpc_info) == 56 || error("swb_nmpc_info has another size than in C")
 
 """
-What a controller knows of its own work since it was made or reset. Evaluations are counted for the whole horizon at once,
+Counts and times of a controller's own work since it was made or reset. Evaluations are counted for the whole horizon at once,
 those of dynamics at every point of a Runge-Kutta step.
 
 - `struct_size`: Size of this struct in bytes.
@@ -1904,7 +1904,7 @@ those of dynamics at every point of a Runge-Kutta step.
 - `from_plan`: Feedbacks from the last plan.
 - `from_hold`: Feedbacks that repeat the last control.
 - `alternatives`: Systems that switch: alternatives to the plan that were prepared.
-- `flips`: Those that were taken.
+- `flips`: Flips that were taken.
 """
 struct swb_nmpc_monitor
     struct_size::UInt64
@@ -1999,7 +1999,7 @@ A switch that lies between two control stages, or a surface that is touched: the
 - `stage`: The control stage behind the switch, the number of stages at the end of the horizon; or the one in which a surface is touched.
 - `t`: Time of the switch.
 - `before`: Derivative of the cost towards a switch in the stage before, relative as the residual of swb_optimality: negative where that lowers the cost, NaN where there is no such switch.
-- `after`: The same towards a switch in the stage behind.
+- `after`: Derivative towards a switch in the stage behind.
 - `touch`: 1 where nothing switches, but a surface is touched and left to the side the state came from: `before` is then the derivative away from it, `after` that of a moment behind it; where the control turns the state back at the end of a stage, on both sides, that of passing it; where the controls of the stage stay on the surface, as on u = 0 of |u|, they are those towards either side. 0 otherwise.
 """
 struct swb_kink
@@ -2031,7 +2031,7 @@ end
 sizeof(swb_ocp_jump) == 40 || error("swb_ocp_jump has another size than in C")
 
 """
-What a solve of several phases found; what the phases do is asked of them, see swb_multiphase_get_phase.
+Result of a solve of several phases; the phases are asked for theirs, see swb_multiphase_get_phase.
 
 - `struct_size`: Size of this struct in bytes.
 - `outcome`: An enum swb_outcome.
@@ -2057,20 +2057,20 @@ end
 sizeof(swb_multiphase_info) == 72 || error("swb_multiphase_info has another size than in C")
 
 """
-What is known of the point of a program. Without pairs type S says that it satisfies the conditions of Karush, Kuhn and Tucker.
+Knowledge of the point of a program. Without pairs type S says that it satisfies the conditions of Karush, Kuhn and Tucker.
 
 - `struct_size`: Size of this struct in bytes.
 - `stationarity`: Type of stationarity (enum swb_stationarity).
 - `sharp`: 1 if it is shown that there are no multipliers of a stronger type.
 - `b_stationarity`: B-stationarity (enum swb_b_stationarity).
-- `doubt`: What the questions left open failed at (enum swb_doubt).
+- `doubt`: Reason why questions are left open (enum swb_doubt).
 - `biactive`: Pairs of which both members are zero.
 - `min_multiplier`: Smallest of their multipliers, over the largest modulus there or 1; 0 without such pairs.
 - `strict`: 1 if none of their multipliers is zero.
 - `lps`: Linear programs solved.
 - `lp_iterations`: Iterations in them.
 - `nodes`: Nodes of the searches.
-- `second_order`: What the conditions of second order say (enum swb_second_order). Discretised problems with modes are not asked.
+- `second_order`: Verdict of the conditions of second order (enum swb_second_order). Discretised problems with modes are not asked.
 - `dependent`: Active constraints and bounds whose gradients depend on those of others; 0 where the conditions of second order were not looked at.
 """
 struct swb_certificate
@@ -2559,7 +2559,7 @@ swb_abi_version() = ccall(address(9), Int32, ())
 """
     swb_check_version(major, minor) -> swb_status
 
-Does this library serve a program compiled with the header of the given version?
+Compares this library with the header of the given version that a program was compiled with.
 
 Call as swb_check_version(SWB_VERSION_MAJOR, SWB_VERSION_MINOR). Before 1.0 both numbers must be
 equal; from then on the major ones, and the library must not be older.
@@ -2762,7 +2762,7 @@ swb_option_default(index, value) = ccall(address(29), swb_status, (Int64, Ptr{Cd
 """
     swb_option_setup_only(index, setup_only) -> swb_status
 
-Is an option fixed once an object is built with it?
+Tells whether an option is fixed once an object is built with it.
 
 @param[out] setup_only 1 if it is fixed, 0 if it may change between solves
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such index
@@ -2812,7 +2812,7 @@ swb_scene_freeze(scene, graph, options, at, n_at, costs, n_costs, layout, layout
 """
     swb_scene_freeze_report(scene, buf, len, needed) -> swb_status
 
-What became of the contacts in the last call of swb_scene_freeze: strengths, the recommended ones, warnings.
+Report on the contacts in the last call of swb_scene_freeze: strengths, the recommended ones, warnings.
 
 @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
 @param[out] needed length with the final NUL; may be NULL
@@ -3404,7 +3404,7 @@ swb_model_system(model, out) = ccall(address(75), swb_status, (Ptr{swb_model}, P
 """
     swb_model_counts(model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs) -> swb_status
 
-What a model consists of. Any output may be NULL.
+Sizes of the parts of a model. Any output may be NULL.
 
 @param[out] n_subsystems          groups of terms that switch together
 @param[out] n_switching_functions of all subsystems
@@ -3562,7 +3562,7 @@ swb_trajectory_modes(trajectory, n_modes, n) =
 """
     swb_trajectory_active(trajectory, active, n) -> swb_status
 
-Which modes are active in the elements: one alone, or several in a sliding mode.
+Active modes in the elements: one alone, or several in a sliding mode.
 
 @param[out] active [n] n_elements * n_modes, 0 or 1, the modes of one element together
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
@@ -3778,7 +3778,7 @@ swb_simulator_get_residuals(sim, residuals, struct_size) =
 """
     swb_simulator_get_stats(sim, stats, struct_size) -> swb_status
 
-What the steps of the trajectory cost.
+Work and time of the steps of the trajectory.
 
 @param[out] stats       every field is written
 @param[in]  struct_size sizeof(swb_stats)
@@ -4008,7 +4008,7 @@ swb_run_modes(run, n_modes, n) = ccall(address(127), swb_status, (Ptr{swb_run}, 
 """
     swb_run_event_modes(run, index, before, after, n) -> swb_status
 
-Which modes of its subsystem are active before and after a switch.
+Active modes of its subsystem before and after a switch.
 
 @param[in]  index  the switch, from 0
 @param[out] before [n] 0 or 1 for each mode of the subsystem
@@ -4794,7 +4794,7 @@ swb_integrator_get_derivative(integrator, f, nx) =
 """
     swb_integrator_get_active(integrator, subsystem, active, n) -> swb_status
 
-Which modes of a subsystem are active: one alone, or several in a sliding mode; none before the first step.
+Active modes of a subsystem: one alone, or several in a sliding mode; none before the first step.
 
 @param[in]  subsystem counted among those with more than one mode
 @param[out] active    [n] 0 or 1 for each mode of the subsystem
@@ -5148,7 +5148,7 @@ swb_stepper_get_impulses(stepper, impulses, n) =
 """
     swb_stepper_get_stats(stepper, stats, struct_size) -> swb_status
 
-What the steps since the state was set cost and how they went.
+Counts of the steps since the state was set, and how they went.
 
 @param[out] stats
 @param[in]  struct_size sizeof(swb_step_stats)
@@ -5700,7 +5700,7 @@ swb_ocp_get_outcome(ocp, outcome) = ccall(address(258), swb_status, (Ptr{swb_ocp
 """
     swb_ocp_get_polished(ocp, polished) -> swb_status
 
-Was the active set identified and the problem solved with it?
+Outcome of the polish, which identifies the active set and solves the problem with it.
 
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
@@ -5721,7 +5721,7 @@ swb_ocp_get_cost(ocp, cost) = ccall(address(260), swb_status, (Ptr{swb_ocp}, Ptr
 """
     swb_ocp_get_cost_reached(ocp, cost) -> swb_status
 
-What the point costs at which the last solve ended, however it ended. Unless the outcome is SWB_OUTCOME_SOLVED the point
+Cost of the point at which the last solve ended, however it ended. Unless the outcome is SWB_OUTCOME_SOLVED the point
 need not satisfy dynamics and constraints, and its cost may lie on either side of that of a solution. NaN where the
 solve was stopped before it was known.
 
@@ -5775,7 +5775,7 @@ swb_ocp_get_residuals(ocp, residuals, struct_size) =
 """
     swb_ocp_get_stats(ocp, stats, struct_size) -> swb_status
 
-What the last solve cost.
+Work and time of the last solve.
 
 @param[out] stats       every field is written
 @param[in]  struct_size sizeof(swb_stats)
@@ -5920,7 +5920,7 @@ swb_ocp_get_accuracy(ocp, accuracy, struct_size) =
 """
     swb_ocp_get_certificate(ocp, certificate, struct_size) -> swb_status
 
-What is known of the last solution as a point of the discretised program: type of stationarity, B-stationarity; unknown
+Knowledge of the last solution as a point of the discretised program: type of stationarity, B-stationarity; unknown
 unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
 
 @param[out] certificate every field is written
@@ -6009,7 +6009,7 @@ swb_verdict_name(verdict) = ccall(address(284), Cstring, (Int32,), verdict)
 """
     swb_ocp_get_optimality(ocp, optimality, struct_size) -> swb_status
 
-Is the last solution optimal for the control problem? Derivatives of event-driven simulations of its controls and the
+Verdict on the last solution as an optimum of the control problem. Derivatives of event-driven simulations of its controls and the
 multipliers of its constraints decide, independently of the discretisation.
 
 @param[out] optimality  every field is written
@@ -6151,7 +6151,7 @@ swb_ocp_contact_forces(ocp, t, n_t, forces, n) =
 """
     swb_ocp_freezing_report(ocp, buf, len, needed) -> swb_status
 
-What stood for the contacts in numerical time when the search was by time-freezing: the strength a_n of the push or the stiffness k of
+Report on the contacts in numerical time when the search was by time-freezing: the strength a_n of the push or the stiffness k of
 every contact, the recommended one, how long a jump takes, warnings.
 
 @param[out] buf    [len] the text with its final NUL, empty for other searches; NULL with len 0 to ask for the length
@@ -6244,7 +6244,7 @@ swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
 """
     swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) -> swb_status
 
-What the starts of the last swb_ocp_solve_starts found.
+Results of the starts of the last swb_ocp_solve_starts.
 
 @param[in]  start    from 0
 @param[out] outcome  an enum swb_outcome; may be NULL
@@ -6613,7 +6613,7 @@ swb_multiphase_solve(m, outcome) = ccall(address(331), swb_status, (Ptr{swb_mult
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
 
-What the last solve found.
+Result of the last solve.
 
 @param[out] info        every field is written
 @param[in]  struct_size sizeof(swb_multiphase_info)
@@ -6927,7 +6927,7 @@ swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(355), swb_status, (Ptr{swb_m
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
 
-Was the active set identified and the smooth program that remains solved?
+Outcome of the polish, which identifies the active set and solves the smooth program that remains.
 
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
@@ -7008,7 +7008,7 @@ swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
 
-What the last solve cost.
+Work and time of the last solve.
 
 @param[out] stats       every field is written
 @param[in]  struct_size sizeof(swb_stats)
@@ -7176,7 +7176,7 @@ swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
 """
     swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) -> swb_status
 
-What the point of the last solve violates, the worst first: bounds by how much they are exceeded, pairs by
+Violations at the point of the last solve, the worst first: bounds by how much they are exceeded, pairs by
 min(G, H).
 
 @param[out] kinds      [k] enum swb_item
@@ -7217,7 +7217,7 @@ swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
 """
     swb_mpcc_get_certificate(mpcc, certificate, struct_size) -> swb_status
 
-What is known of the point of the last solve: type of stationarity, B-stationarity.
+Knowledge of the point of the last solve: type of stationarity, B-stationarity.
 
 @param[out] certificate every field is written
 @param[in]  struct_size sizeof(swb_certificate)
@@ -7266,7 +7266,7 @@ swb_mpcc_statistics_json(mpcc, buf, len, needed) =
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
 
-The same for people: a table with the worst violations and what looks wrong about the program.
+Report on the last solve for people: a table with the worst violations and what looks wrong about the program.
 
 @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
 @param[out] needed length with the final NUL; may be NULL
