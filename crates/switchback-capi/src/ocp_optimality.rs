@@ -217,6 +217,6 @@ mod tests {
         for (v, number, name) in VERDICTS {
             assert_eq!((*v as i32, v.name()), (*number as i32, name.to_str().unwrap()));
         }
-        assert!(swb_verdict_name(4).is_null() && swb_verdict_name(-1).is_null());
+        assert!(swb_verdict_name(5).is_null() && swb_verdict_name(-1).is_null());
     }
 }
