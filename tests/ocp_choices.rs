@@ -26,8 +26,8 @@ fn stated(
     let g = Graph::new();
     let (x, u, w) = (g.x(0), u(&g), g.u(0));
     let mut s = System::new(1, d.u, d.p).unwrap();
-    s.set_f0(Arc::new(g.function("f", d, &[a * x.clone() + u.clone() + w.clone()]).unwrap())).unwrap();
-    let cost = (x.clone() - aim) * (x - aim) + price * u + w.clone() * w;
+    s.set_f0(Arc::new(g.function("f", d, &[a * x + u + w]).unwrap())).unwrap();
+    let cost = (x - aim) * (x - aim) + price * u + w * w;
     let cost = Arc::new(g.function("L", d, &[cost]).unwrap());
     let settings = *settings;
     let make = move |s: &System| {
