@@ -83,7 +83,8 @@ int main(void)
     AT(swb_optimality, 1, verdict);
     AT(swb_optimality, 2, n_kinks);
     AT(swb_optimality, 3, residual);
-    CHECK(sizeof(swb_optimality) == (size_t)8 * 4);
+    AT(swb_optimality, 4, gap);
+    CHECK(sizeof(swb_optimality) == (size_t)8 * 5);
     AT(swb_kink, 0, struct_size);
     AT(swb_kink, 1, stage);
     AT(swb_kink, 2, t);
@@ -177,7 +178,8 @@ int main(void)
     AT(swb_run_stats, 10, time_total);
     AT(swb_run_stats, 11, jumps);
     AT(swb_run_stats, 12, impacts);
-    CHECK(sizeof(swb_run_stats) == (size_t)8 * 13);
+    AT(swb_run_stats, 13, notes);
+    CHECK(sizeof(swb_run_stats) == (size_t)8 * 14);
     AT(swb_progress, 0, struct_size);
     AT(swb_progress, 1, t);
     AT(swb_progress, 2, x);
@@ -203,7 +205,9 @@ int main(void)
     AT(swb_run_info, 14, n_impacts);
     AT(swb_run_info, 15, n_scene_contacts);
     AT(swb_run_info, 16, redundant);
-    CHECK(sizeof(swb_run_info) == (size_t)8 * 17);
+    AT(swb_run_info, 17, n_notes);
+    AT(swb_run_info, 18, stopped_by);
+    CHECK(sizeof(swb_run_info) == (size_t)8 * 19);
     AT(swb_branch_point, 0, struct_size);
     AT(swb_branch_point, 1, t);
     AT(swb_branch_point, 2, n_continuations);
