@@ -206,6 +206,11 @@ static void heater(const swb_settings *s)
     DO(swb_model_get_value_names, model, 0, names, sizeof names, &n);
     DO(swb_model_add_transition, model, graph, cold, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &x_, 1, &raised, 1, &heat, 1, &on, 1, NULL);
     DO(swb_model_add_transition, model, graph, warm, SWB_DIRECTION_RISING, &heat, 1, &on, 1, NULL, 0, NULL, 0, &heat, 1, &off, 1, &n);
+    // optimal control does not follow notes
+    if (DO(swb_model_system, model, &system)) {
+        pool_add(T_swb_system, system);
+        heater_ocp(system, s, start);
+    }
     DO(swb_expr_apply, graph, SWB_OPERATOR_POSITIVE, &warm, NULL, NULL, &warm, 1);
     DO(swb_expr_apply, graph, SWB_OPERATOR_POSITIVE, &cold, NULL, NULL, &cold, 1);
     DO(swb_expr_apply, graph, SWB_OPERATOR_OR, &warm, &cold, NULL, &warm, 1);
@@ -225,7 +230,6 @@ static void heater(const swb_settings *s)
     pool_add(T_swb_integrator, it);
     DO(swb_integrator_reinit, it, 0.0, start, 2);
     DO(swb_integrator_advance, it, 2.0, &outcome);
-    heater_ocp(system, s, start);
 }
 
 /* A scene in numerical time. */

@@ -225,9 +225,11 @@ pub unsafe extern "C" fn swb_model_get_rule(
     self::guard(|| unsafe {
         handle::with_ref(model, |m| {
             let rule = &transition(m, index)?.rule;
+            // before the others, which a call that fails leaves as they are
+            raw::write_text(rule.name.as_bytes(), buf, len, needed)?;
             raw::write_optional(effect, rule.effect as i32);
             raw::write_optional(trigger, rule.trigger as i32);
-            raw::write_text(rule.name.as_bytes(), buf, len, needed)
+            Ok(())
         })
     })
 }
