@@ -206,7 +206,7 @@ static void heater(const swb_settings *s)
     DO(swb_model_get_value_names, model, 0, names, sizeof names, &n);
     DO(swb_model_add_transition, model, graph, cold, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &x_, 1, &raised, 1, &heat, 1, &on, 1, NULL);
     DO(swb_model_add_transition, model, graph, warm, SWB_DIRECTION_RISING, &heat, 1, &on, 1, NULL, 0, NULL, 0, &heat, 1, &off, 1, &n);
-    // optimal control does not follow notes
+    /* optimal control does not follow notes */
     if (DO(swb_model_system, model, &system)) {
         pool_add(T_swb_system, system);
         heater_ocp(system, s, start);
