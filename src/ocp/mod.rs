@@ -33,6 +33,7 @@ mod nominal;
 mod optimality;
 mod phases;
 mod portfolio;
+mod programs;
 mod projected;
 mod receding;
 mod request;

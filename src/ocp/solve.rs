@@ -11,7 +11,7 @@ use super::neighbours::Grid;
 use super::optimality::{Optimality, Verdict};
 use super::portfolio::SEARCH;
 use super::request::{Comparison, Request};
-use super::{Durations, Ocp, OcpResult, SLACK};
+use super::{CostOf, Durations, Ocp, OcpResult, SLACK};
 use crate::dcs::Dcs;
 use crate::error::{Error, Result};
 use crate::fesd::{Fesd, Sizes, Spec, Trajectory};
@@ -111,6 +111,23 @@ impl Ocp {
             squares: &self.squares,
             soft: &self.soft,
             complementarity: &self.complementarity,
+        })
+    }
+
+    /// The problem as a simulation of its controls prices it: kinks of costs are parts of them, and the price of relaxed constraints is no part.
+    pub(super) fn simulated_costs(&self) -> Result<Extended> {
+        let lagrange = self.with_kinks(self.lagrange.as_ref(), CostOf::Running)?;
+        let mayer = self.with_kinks(self.mayer.as_ref(), CostOf::Terminal)?;
+        Extended::new(&Statement {
+            system: &self.system,
+            lagrange: lagrange.as_ref(),
+            mayer: mayer.as_ref(),
+            path: &[],
+            terminal: &self.terminal,
+            boundary: &[],
+            squares: &self.squares,
+            soft: &[],
+            complementarity: &[],
         })
     }
 
@@ -255,18 +272,22 @@ impl Ocp {
                     return self.solve_choices(start, &request, control);
                 }
                 self.chosen = None;
-                if self.has_transitions() {
-                    return self.solve_transitions(start, &request, control).map(|_| ());
-                }
-                let adapts = self.settings.adapt_tol > 0.0;
-                let solved =
-                    if adapts { self.adapt(start, &request, control) } else { self.search(start, &request, control) };
-                solved.map(|_| ())?;
-                self.follow_contacts(start, &request, control)?;
-                self.impose_between(&request, control)
+                self.solve_chosen(start, &request, control)
             })
         })?;
         self.conclude()
+    }
+
+    /// Solves where no choice is open, on one grid or several, and looks at what grids do not show.
+    pub(super) fn solve_chosen(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<()> {
+        if self.has_transitions() {
+            return self.solve_transitions(start, request, control).map(|_| ());
+        }
+        let adapts = self.settings.adapt_tol > 0.0;
+        let solved = if adapts { self.adapt(start, request, control) } else { self.search(start, request, control) };
+        solved.map(|_| ())?;
+        self.follow_contacts(start, request, control)?;
+        self.impose_between(request, control)
     }
 
     /// The result of a solve that is over, with the outcome that says so of a solution that is no whole success.
@@ -565,11 +586,11 @@ impl Ocp {
         }
         problem.bound_states(bounds, &self.x_bounds[0], &self.x_bounds[1]);
         problem.bound_initial(bounds, &self.x0_bounds[0], &self.x0_bounds[1], self.t0);
-        let more = wide.u - self.u_bounds[0].len();
+        let (mut lower, mut upper) = (vec![0.0; wide.u], vec![f64::INFINITY; wide.u]);
         for k in 0..self.n_stages {
-            let [lower, upper] = self.control_bounds(k);
-            let lower = [lower, &vec![0.0; more]].concat();
-            let upper = [upper, &vec![f64::INFINITY; more]].concat();
+            let own = self.control_bounds(k);
+            lower[..own[0].len()].copy_from_slice(own[0]);
+            upper[..own[1].len()].copy_from_slice(own[1]);
             problem.bound_control(bounds, k, &lower, &upper);
         }
         if let Some([lower, upper]) = &self.p_bounds {

@@ -153,6 +153,14 @@ impl Ocp {
         }
     }
 
+    /// Bounds of a control of a stage, among which slacks are behind those of the user.
+    pub(super) fn bounds_of_control(&self, stage: usize, j: usize) -> [f64; 2] {
+        match self.control_bounds(stage).map(|b| b.get(j).copied()) {
+            [Some(l), Some(u)] => [l, u],
+            _ => [0.0, f64::INFINITY],
+        }
+    }
+
     /// Controls `[n_stages · nu]`, moved into their bounds.
     pub(super) fn within_bounds(&self, mut controls: Vec<f64>) -> Vec<f64> {
         self.clamp(&mut controls);

@@ -540,10 +540,6 @@ mod tests {
             Rank { feasible: s.2, contradicted: false, cost: s.1, violation, idle: 0, rounding: 0.0 }
         }
 
-        fn verify(&mut self, _: &mut Self::Solution, _: &mut Budget) -> Result<()> {
-            Ok(())
-        }
-
         fn neighbours(&self, s: &Self::Solution) -> (Vec<Neighbour<Word>>, ()) {
             let other = |k: usize, d: usize| {
                 let mut w = s.0.clone();

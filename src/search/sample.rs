@@ -8,12 +8,22 @@ use crate::random::SplitMix64;
 pub(crate) struct Sampler {
     numbers: SplitMix64,
     drawn: usize,
+    rounds: usize,
 }
+
+/// Rounds of samples at most: where many random controls lead to no solution, more of them do not either.
+const ROUNDS: usize = 4;
 
 impl Sampler {
     /// The same seed gives the same controls.
     pub fn new(seed: u64) -> Sampler {
-        Sampler { numbers: SplitMix64::new(seed), drawn: 0 }
+        Sampler { numbers: SplitMix64::new(seed), drawn: 0, rounds: 0 }
+    }
+
+    /// Begins a round of samples; false where there were enough.
+    pub fn begin_round(&mut self) -> bool {
+        self.rounds += 1;
+        self.rounds <= ROUNDS
     }
 
     /// The next controls of `n` stages within finite ranges, `[n · ranges]`; `known` are controls of as many, or none.

@@ -1,6 +1,7 @@
 //! Transitions: of a system, and in the result of a simulation.
 
 use std::ffi::c_char;
+use std::ptr;
 
 use super::function::{shared, swb_function};
 use super::guard::guard;
@@ -108,20 +109,27 @@ pub unsafe extern "C" fn swb_system_add_transition(
     n_to_values: i64,
     index: *mut i64,
 ) -> swb_status {
-    self::setting(system, || unsafe {
-        let transition = Transition {
-            guard: shared(guard, "guard")?,
-            direction: direction_of(direction)?,
-            from: values_of((from_states, n_from_states), (from_values, n_from_values), "from")?,
-            reset: if reset.is_null() { None } else { Some(shared(reset, "reset")?.into()) },
-            to: values_of((to_states, n_to_states), (to_values, n_to_values), "to")?,
-            clauses: Vec::new(),
-            rule: Rule::default(),
-        };
-        let k = handle::with_mut(system, |s| s.add_transition(transition))?;
-        raw::write_optional(index, k as i64);
-        Ok(())
-    })
+    let (jump, level) = (Effect::Jump as i32, Trigger::Level as i32);
+    unsafe {
+        swb_system_add_event(
+            system,
+            ptr::null(),
+            jump,
+            level,
+            guard,
+            direction,
+            from_states,
+            n_from_states,
+            from_values,
+            n_from_values,
+            reset,
+            to_states,
+            n_to_states,
+            to_values,
+            n_to_values,
+            index,
+        )
+    }
 }
 
 /// Add a transition with a name, an effect and a trigger; the rest is that of swb_system_add_transition.

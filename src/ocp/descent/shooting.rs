@@ -198,11 +198,7 @@ impl<'a> Shooting<'a> {
     }
 
     fn control(&mut self, stage: usize, j: usize, size: &dyn Fn(usize) -> f64) {
-        let own = self.ocp.u_bounds[0].len();
-        let [l, u] = match j < own {
-            true => self.ocp.control_bounds(stage).map(|b| b[j]),
-            false => [0.0, f64::INFINITY],
-        };
+        let [l, u] = self.ocp.bounds_of_control(stage, j);
         self.variable([l, u], size_of(0.0, l, u, size(j)));
     }
 

@@ -33,7 +33,7 @@ impl Ocp {
         (most, budget): (f64, &mut Budget),
         control: &mut Control,
     ) -> Result<Proof> {
-        let levels = Levels::new(self)?;
+        let levels = space.levels.clone();
         let mut incumbent = best.map_or(f64::INFINITY, |b| b.result.priced);
         let mut better = None;
         // one sequence that is neither solved for nor proven impossible

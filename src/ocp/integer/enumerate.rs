@@ -4,6 +4,8 @@
 //! more than the best sequence, with the least that the rest can cost: bounds of the cost rate over all states say that. What is cheaper than the best
 //! becomes it where its program meets the constraints. Costs are those of simulations throughout, so that like is compared with like.
 
+use std::rc::Rc;
+
 use super::levels::Levels;
 use super::space::{Choices, Ended};
 use super::Proof;
@@ -12,9 +14,9 @@ use crate::event::Outcome;
 use crate::func::Point;
 use crate::nlp::Control;
 use crate::ocp::accuracy::{values, Answer, Replay};
-use crate::ocp::extend::{Extended, Statement};
+use crate::ocp::extend::Extended;
 use crate::ocp::request::Request;
-use crate::ocp::{CostOf, Durations, Ocp};
+use crate::ocp::{Durations, Ocp};
 use crate::search::Budget;
 use crate::system::SharedFunction;
 
@@ -35,12 +37,14 @@ struct Beginning {
 /// Costs and conditions in the variables that are simulated.
 pub(super) struct Simulated<'a> {
     ocp: &'a Ocp,
-    levels: Levels,
+    levels: Rc<Levels>,
     e: Extended,
     replay: Replay,
     params: Vec<f64>,
     /// Controls that do not choose are fixed.
     controls: Vec<f64>,
+    /// The start of every stage, then the end of the last one.
+    times: Vec<f64>,
     /// The least that is left to pay behind every stage.
     left: Vec<f64>,
 }
@@ -131,22 +135,8 @@ impl Ocp {
 }
 
 impl<'a> Simulated<'a> {
-    pub fn new(ocp: &'a Ocp, best: Option<&Ended>, request: &Request) -> Result<Simulated<'a>> {
-        let levels = Levels::new(ocp)?;
-        // kinks of costs are parts of them in a simulation
-        let lagrange = ocp.with_kinks(ocp.lagrange.as_ref(), CostOf::Running)?;
-        let mayer = ocp.with_kinks(ocp.mayer.as_ref(), CostOf::Terminal)?;
-        let e = Extended::new(&Statement {
-            system: &ocp.system,
-            lagrange: lagrange.as_ref(),
-            mayer: mayer.as_ref(),
-            path: &[],
-            terminal: &ocp.terminal,
-            boundary: &[],
-            squares: &ocp.squares,
-            soft: &[],
-            complementarity: &[],
-        })?;
+    pub fn new(ocp: &'a Ocp, levels: Rc<Levels>, best: Option<&Ended>, request: &Request) -> Result<Simulated<'a>> {
+        let e = ocp.simulated_costs()?;
         let params = ocp.extended_params(&e);
         let (n, nx) = (ocp.n_stages, ocp.system.dims().x);
         let usual = ocp.prior_sizes();
@@ -179,7 +169,12 @@ impl<'a> Simulated<'a> {
             x_bounds: [&[], &[]],
         };
         let replay = Replay::new(&e.system, ocp.projected.as_ref(), e.lagrange.as_ref(), &answer, &request.options)?;
-        let mut all = Simulated { ocp, levels, e, replay, params, controls, left: Vec::new() };
+        let ends = ocp.durations.iter().scan(ocp.t0, |t, h| {
+            *t += h;
+            Some(*t)
+        });
+        let times = std::iter::once(ocp.t0).chain(ends).collect();
+        let mut all = Simulated { ocp, levels, e, replay, params, controls, times, left: Vec::new() };
         all.left = all.least_left();
         Ok(all)
     }
@@ -205,19 +200,11 @@ impl<'a> Simulated<'a> {
                 f64::NEG_INFINITY
             }
         };
-        let ends: Vec<f64> = ocp
-            .durations
-            .iter()
-            .scan(ocp.t0, |t, h| {
-                *t += h;
-                Some(*t)
-            })
-            .collect();
-        let end = ends[n - 1];
+        let end = self.times[n];
         let mut left = vec![least(self.e.mayer.as_ref(), n - 1, (end, end)); n + 1];
         for k in (0..n).rev() {
-            let (h, t) = (ocp.durations[k], ends[k]);
-            let running = h * least(self.e.lagrange.as_ref(), k, (t - h, t));
+            let (start, t) = (self.times[k], self.times[k + 1]);
+            let running = ocp.durations[k] * least(self.e.lagrange.as_ref(), k, (start, t));
             left[k] = left[k + 1] + running + least(self.e.grid_cost.as_ref(), k, (t, t));
         }
         left
@@ -279,8 +266,7 @@ impl<'a> Simulated<'a> {
         }
         let np = self.e.system.dims().p;
         let p = &self.params[k * np..(k + 1) * np];
-        let start = self.ocp.t0 + self.ocp.durations[..k].iter().sum::<f64>();
-        let t = start + self.ocp.durations[k];
+        let (start, t) = (self.times[k], self.times[k + 1]);
         self.replay.reinit(start, &b.reached)?;
         let outcome = self.replay.advance(t, &u, p)?;
         budget.simulated(b.reached.len(), self.replay.steps());
@@ -289,10 +275,7 @@ impl<'a> Simulated<'a> {
         }
         let mut reached = self.replay.state().to_vec();
         let at = Point { t, x: &reached[1..], u: &u, p };
-        let mut more = 0.0;
-        if let Some(f) = &self.e.grid_cost {
-            more += values(f, &at)[0];
-        }
+        let more = self.e.grid_cost.as_ref().map_or(0.0, |f| values(f, &at)[0]);
         let is_last = k + 1 == self.ocp.n_stages;
         let end = self.e.mayer.as_ref().filter(|_| is_last).map_or(0.0, |f| values(f, &at)[0]);
         reached[0] += more;
@@ -318,8 +301,7 @@ impl<'a> Simulated<'a> {
         let (nu, np) = (self.ocp.system.dims().u, self.e.system.dims().p);
         let mut u = self.controls.clone();
         self.levels.write(&b.sequence, &mut u);
-        let t = self.ocp.t0 + self.ocp.durations.iter().sum::<f64>();
-        let at = Point { t, x, u: &u[(n - 1) * nu..], p: &self.params[(n - 1) * np..] };
+        let at = Point { t: self.times[n], x, u: &u[(n - 1) * nu..], p: &self.params[(n - 1) * np..] };
         self.e
             .terminal
             .iter()

@@ -18,7 +18,7 @@ mod space;
 use std::time::Instant;
 
 use self::enumerate::Simulated;
-use self::space::{Choices, Ended};
+use self::space::{Choices, Ended, Motion};
 use super::optimality::{Optimality, Verdict};
 use super::portfolio::{HALF, SEARCH};
 use super::request::Request;
@@ -85,14 +85,6 @@ const NONE_POSSIBLE: &str =
     "no sequence of choices meets the constraints: even with choices between their values they cannot be met";
 
 impl Ocp {
-    /// Solves with the choices as they are fixed or narrowed.
-    pub(super) fn solve_chosen(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<()> {
-        if self.has_transitions() {
-            return self.solve_transitions(start, request, control).map(|_| ());
-        }
-        self.search(start, request, control).map(|_| ())
-    }
-
     /// Solves a problem whose controls choose. A warm start begins with the sequence of the last answer and looks next to it.
     pub(super) fn solve_choices(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<()> {
         let clock = Instant::now();
@@ -219,7 +211,7 @@ impl Ocp {
         if !self.is_of_choices_alone() {
             return Ok(Proof::none());
         }
-        let mut simulated = Simulated::new(self, None, request)?;
+        let mut simulated = Simulated::new(self, space.levels.clone(), None, request)?;
         if simulated.work_of_all(budget)? > limit {
             return Ok(Proof::none());
         }
@@ -241,21 +233,10 @@ impl Ocp {
             return self.bound_choices(space, best, (most, budget), control);
         }
         if self.is_of_choices_alone() {
-            let simulated = Simulated::new(self, best, request)?;
+            let simulated = Simulated::new(self, space.levels.clone(), best, request)?;
             return self.enumerate(space, simulated, best, (most, budget), control);
         }
         Ok(Proof::none())
-    }
-
-    /// One solve with fixed choices and all that surrounds it.
-    fn solve_adopted(&mut self, request: &Request, control: &mut Control) -> Result<()> {
-        if self.settings.adapt_tol > 0.0 && !self.has_transitions() {
-            self.adapt(Start::Cold, request, control)?;
-        } else {
-            self.solve_chosen(Start::Cold, request, control)?;
-        }
-        self.follow_contacts(Start::Cold, request, control)?;
-        self.impose_between(request, control)
     }
 
     /// Solves with the choices of the best sequence, from where its program ended, and reports that.
@@ -273,15 +254,8 @@ impl Ocp {
             return Ok(());
         }
         let guesses = (self.x_guess.take(), self.u_guess.take());
-        let elements = &best.result.trajectory.elements;
-        let rises = elements.iter().all(|e| e.h > 0.0);
-        if let (Some(first), true) = (elements.first(), rises) {
-            let times = std::iter::once(0.0).chain(elements.iter().map(|e| e.t + e.h - first.t)).collect();
-            let states = first.x0.iter().chain(elements.iter().flat_map(|e| &e.x1)).copied().collect();
-            self.x_guess = Some((times, states));
-        }
-        self.u_guess = Some(best.result.controls.clone());
-        let solved = self.solve_adopted(request, control);
+        Motion::of(&best.result).begin(self);
+        let solved = self.solve_chosen(Start::Cold, request, control);
         (self.x_guess, self.u_guess) = guesses;
         solved
     }

@@ -12,9 +12,6 @@ use crate::search::{
     self, watched, Budget, EarlyTermination, Limits, Neighbour, Patience, Rank, Sampler, Source, Space,
 };
 
-/// Proposals of samples at most, as for transitions.
-const ROUNDS: usize = 4;
-
 /// Where a program starts: controls, and states at times from the start of the horizon, where they are known.
 pub(super) struct Motion {
     controls: Vec<f64>,
@@ -22,7 +19,8 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    fn of(r: &OcpResult) -> Motion {
+    /// That of an answer.
+    pub fn of(r: &OcpResult) -> Motion {
         let Some(t0) = r.trajectory.elements.first().map(|e| e.t) else {
             return Motion { controls: r.controls.clone(), states: None };
         };
@@ -37,6 +35,12 @@ impl Motion {
         }
         let rises = times.windows(2).all(|w| w[0] < w[1]);
         Motion { controls: r.controls.clone(), states: rises.then_some((times, states)) }
+    }
+
+    /// Makes a problem begin there, as far as its choices allow.
+    pub fn begin(&self, ocp: &mut Ocp) {
+        ocp.x_guess.clone_from(&self.states);
+        ocp.u_guess = Some(ocp.within_bounds(self.controls.clone()));
     }
 }
 
@@ -66,7 +70,7 @@ type Candidate = search::Candidate<Sequence, Rc<Motion>>;
 
 /// The sequences of a problem.
 pub(super) struct Choices<'a> {
-    pub levels: Levels,
+    pub levels: Rc<Levels>,
     /// The problem whose choices are fixed or narrowed.
     inner: Ocp,
     request: Request,
@@ -79,14 +83,13 @@ pub(super) struct Choices<'a> {
     relaxed: Option<OcpResult>,
     is_relaxed: bool,
     sampler: Sampler,
-    rounds: usize,
     largest: f64,
     ocp: &'a Ocp,
 }
 
 impl<'a> Choices<'a> {
     pub fn new(ocp: &'a Ocp, guess: Option<Vec<f64>>, request: &Request) -> Result<Choices<'a>> {
-        let levels = Levels::new(ocp)?;
+        let levels = Rc::new(Levels::new(ocp)?);
         let mut inner = ocp.blank();
         inner.modes = None;
         Ok(Choices {
@@ -99,14 +102,13 @@ impl<'a> Choices<'a> {
             relaxed: None,
             is_relaxed: false,
             sampler: Sampler::new(ocp.settings.search_seed as u64),
-            rounds: 0,
             largest: 0.0,
             ocp,
         })
     }
 
-    /// Controls in which all but the choices are those to begin with.
-    pub fn controls(&self, sequence: &[u16], from: &[f64]) -> Vec<f64> {
+    /// Controls with the choices of a sequence, and all others as they are given.
+    fn controls(&self, sequence: &[u16], from: &[f64]) -> Vec<f64> {
         let mut controls = from.to_vec();
         self.levels.write(sequence, &mut controls);
         controls
@@ -122,19 +124,16 @@ impl<'a> Choices<'a> {
     ) -> Result<OcpResult> {
         let inner = &mut self.inner;
         inner.chosen = Some(self.levels.bounds(self.ocp, low, high));
-        inner.x_guess = from.map_or_else(|| self.ocp.x_guess.clone(), |m| m.states.clone());
-        inner.u_guess = match from {
-            Some(m) => {
-                let mut controls = m.controls.clone();
-                inner.clamp(&mut controls);
-                Some(controls)
-            }
-            None => None,
-        };
+        match from {
+            Some(motion) => motion.begin(inner),
+            None => (inner.x_guess, inner.u_guess) = (self.ocp.x_guess.clone(), None),
+        }
         if self.plain {
             inner.run(Start::Cold, &self.request, control)?;
+        } else if inner.has_transitions() {
+            inner.solve_transitions(Start::Cold, &self.request, control)?;
         } else {
-            inner.solve_chosen(Start::Cold, &self.request, control)?;
+            inner.search(Start::Cold, &self.request, control)?;
         }
         let r = inner.last_result()?.clone();
         budget.solved(r.dimensions.0, &r.stats);
@@ -169,17 +168,15 @@ impl<'a> Choices<'a> {
 
     /// Random controls as the nearest sequences, none of them twice.
     fn samples(&mut self, best: Option<&Ended>) -> Vec<Candidate> {
-        let ranges: Vec<[f64; 2]> = self.ocp.control_ranges();
+        let ranges = self.ocp.control_ranges();
         let guess = self.ocp.control_guess();
         let known = best.map_or(&guess[..], |b| &b.result.controls);
         let mut out: Vec<Candidate> = Vec::new();
-        // the first samples are those of the first round: what is drawn more coarsely is drawn more often
         for _ in 0..self.ocp.settings.search_samples {
             let controls = self.sampler.draw(self.levels.n_stages(), &ranges, known);
             let sequence = self.levels.nearest(&controls);
             if out.iter().all(|c| c.sequence != sequence) {
-                let controls = self.controls(&sequence, known);
-                out.push(Candidate { sequence, motion: Rc::new(Motion { controls, states: None }) });
+                out.push(self.candidate(sequence, known));
             }
         }
         out
@@ -192,16 +189,12 @@ impl<'a> Choices<'a> {
         budget: &mut Budget,
         control: &mut Control,
     ) -> Result<Option<Ended>> {
-        let candidate = Candidate { motion: self.motion(&sequence), sequence };
+        let candidate = self.candidate(sequence, &self.ocp.control_guess());
         let limits = Limits { cost: f64::INFINITY, patience: usize::MAX };
         Ok(self.solve(&candidate, limits, budget, control)?.into_iter().next().map(|e| e.1))
     }
 
-    /// A motion of a sequence of which nothing is known but its choices.
-    pub fn motion(&self, sequence: &[u16]) -> Rc<Motion> {
-        Rc::new(Motion { controls: self.controls(sequence, &self.ocp.control_guess()), states: None })
-    }
-
+    /// A sequence of which nothing is known but its choices; the other controls are those given.
     fn candidate(&self, sequence: Sequence, from: &[f64]) -> Candidate {
         let controls = self.controls(&sequence, from);
         Candidate { sequence, motion: Rc::new(Motion { controls, states: None }) }
@@ -220,7 +213,6 @@ impl Space for Choices<'_> {
         budget: &mut Budget,
         control: &mut Control,
     ) -> Result<Vec<Candidate>> {
-        let start = self.ocp.control_guess();
         Ok(match source {
             Source::Guess => match self.guess.take() {
                 Some(u) => vec![self.candidate(self.levels.nearest(&u), &u)],
@@ -237,12 +229,9 @@ impl Space for Choices<'_> {
             }
             Source::Simulation if !self.constant.is_empty() => {
                 let sequence = self.constant.remove(0);
-                vec![self.candidate(sequence, &start)]
+                vec![self.candidate(sequence, &self.ocp.control_guess())]
             }
-            Source::Samples if self.rounds < ROUNDS => {
-                self.rounds += 1;
-                self.samples(best)
-            }
+            Source::Samples if self.sampler.begin_round() => self.samples(best),
             _ => Vec::new(),
         })
     }
@@ -264,28 +253,14 @@ impl Space for Choices<'_> {
             true => watched(&mut watch, control, |control| self.solve_between(both, Some(&c.motion), budget, control)),
             false => self.solve_between(both, Some(&c.motion), budget, control),
         };
-        let mut result = result?;
-        if watch.is_over() && result.outcome == Outcome::Stopped {
-            result.outcome = Outcome::MaxIter;
-        }
+        let result = result?.given_up(&watch);
         self.largest = self.largest.max(watch.largest);
         let ended = Ended { sequence: c.sequence.clone(), prices: self.prices(), result, largest: watch.largest };
         Ok(vec![(c.sequence.clone(), ended)])
     }
 
     fn rank(&self, s: &Ended) -> Rank {
-        Rank {
-            feasible: s.is_solution(),
-            contradicted: false,
-            cost: s.result.priced,
-            violation: s.result.residuals.primal,
-            idle: 0,
-            rounding: f64::EPSILON * self.largest.max(s.largest),
-        }
-    }
-
-    fn verify(&mut self, _: &mut Ended, _: &mut Budget) -> Result<()> {
-        Ok(())
+        s.result.rank(s.result.priced, self.largest.max(s.largest))
     }
 
     fn neighbours(&self, s: &Ended) -> (Vec<Neighbour<Sequence>>, Rc<Motion>) {

@@ -726,20 +726,15 @@ impl Ocp {
             f
         };
         let linear = |j: usize| problem.ramp_places().get(j).copied().flatten();
-        let [lower, upper] = self.bounds_of_controls(n_u);
-        let control_bounds = |j: usize| [lower[j], upper[j]];
         let control = |k: usize, j: usize| {
-            let own = self.control_bounds(k).map(|b| b.get(j).copied());
-            let bounds = match (linear(j), own) {
-                (Some(_), _) => [f64::NEG_INFINITY, f64::INFINITY],
-                (None, [Some(l), Some(u)]) => [l, u],
-                (None, _) => control_bounds(j),
-            };
+            let free = [f64::NEG_INFINITY, f64::INFINITY];
+            let bounds = if linear(j).is_some() { free } else { self.bounds_of_control(k, j) };
             direct(Free::new(w[u_at[k] + j], bounds, largest_control(&judge.controls, n_u, j), n), u_at[k] + j)
         };
         let initial = |i: usize| {
             let ramp = (0..own).find(|&j| linear(j) == Some(i));
-            let bounds = ramp.map_or_else(|| [self.x0_bounds[0][i], self.x0_bounds[1][i]], control_bounds);
+            let own = || [self.x0_bounds[0][i], self.x0_bounds[1][i]];
+            let bounds = ramp.map_or_else(own, |j| self.bounds_of_control(0, j));
             direct(Free::new(w[x0_at + i], bounds, 0.0, n), x0_at + i)
         };
         let np = self.params.len();

@@ -19,11 +19,10 @@ use self::automaton::{Automaton, Sequence};
 use self::space::{Ended, Transitions};
 use super::accuracy::{self, Accuracy, Answer, Replay};
 use super::between::Rows;
-use super::extend::{Extended, Statement};
 use super::optimality::{Kink, Optimality, OTHER};
 use super::request::{Comparison, Request};
 use super::solve::Start;
-use super::{CostOf, Durations, Ocp, OcpResult};
+use super::{Durations, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::nlp::{Control, Outcome, SecondOrder};
 use crate::search::{self, explore, Budget, Plan, Source};
@@ -202,20 +201,7 @@ impl Ocp {
         if let Some(why) = stop::requested() {
             return Ok(Accuracy::stopped(self.n_stages, nx, why));
         }
-        // without relaxed constraints: their price is no part of the cost that is compared
-        let lagrange = self.with_kinks(self.lagrange.as_ref(), CostOf::Running)?;
-        let mayer = self.with_kinks(self.mayer.as_ref(), CostOf::Terminal)?;
-        let e = Extended::new(&Statement {
-            system: &self.system,
-            lagrange: lagrange.as_ref(),
-            mayer: mayer.as_ref(),
-            path: &[],
-            terminal: &self.terminal,
-            boundary: &[],
-            squares: &self.squares,
-            soft: &[],
-            complementarity: &[],
-        })?;
+        let e = self.simulated_costs()?;
         let mut params = self.extended_params(&e);
         let wide = e.system.dims().p;
         if self.stage_params.is_none() && wide > 0 {

@@ -22,8 +22,6 @@ use crate::stop;
 const NEAR: f64 = 0.1;
 /// Range of a control without a bound, as a multiple of its largest modulus in the best solution.
 const WIDER: f64 = 2.0;
-/// Proposals of samples at most: where many random controls lead to no solution, more of them do not either.
-const ROUNDS: usize = 4;
 
 /// What the program of a sequence ended at.
 pub(super) struct Ended {
@@ -48,7 +46,6 @@ pub(super) struct Transitions<'a> {
     controls: Vec<Vec<f64>>,
     simulated: usize,
     sampler: Sampler,
-    rounds: usize,
     largest: f64,
 }
 
@@ -63,7 +60,6 @@ impl<'a> Transitions<'a> {
             controls: guess::controls(ocp),
             simulated: 0,
             sampler: Sampler::new(seed),
-            rounds: 0,
             largest: 0.0,
             last,
             ocp,
@@ -144,10 +140,7 @@ impl Space for Transitions<'_> {
                     }
                     None => Vec::new(),
                 },
-                Source::Samples if self.rounds < ROUNDS => {
-                    self.rounds += 1;
-                    self.samples(best, budget)
-                }
+                Source::Samples if self.sampler.begin_round() => self.samples(best, budget),
                 _ => Vec::new(),
             };
             // a source whose next sequences cannot be has not ended
@@ -171,11 +164,7 @@ impl Space for Transitions<'_> {
         let program = Program::new(self.ocp, &self.automaton, &c.sequence, &c.motion, &self.sizes, &self.request)?;
         let mut watch =
             EarlyTermination::new(limits.cost, Patience::usual(limits.patience), self.request.options.solver.tol);
-        let solved = watched(&mut watch, control, |control| program.solve(&self.request, control));
-        let mut result = solved?;
-        if watch.is_over() && result.outcome == Outcome::Stopped {
-            result.outcome = Outcome::MaxIter;
-        }
+        let result = watched(&mut watch, control, |control| program.solve(&self.request, control))?.given_up(&watch);
         budget.solved(result.dimensions.0, &result.stats);
         self.largest = self.largest.max(watch.largest);
         let ended = Ended { sequence: c.sequence.clone(), result, largest: watch.largest };
@@ -183,18 +172,7 @@ impl Space for Transitions<'_> {
     }
 
     fn rank(&self, s: &Ended) -> Rank {
-        Rank {
-            feasible: s.result.is_exact(),
-            contradicted: false,
-            cost: s.result.cost,
-            violation: s.result.residuals.primal,
-            idle: 0,
-            rounding: f64::EPSILON * self.largest.max(s.largest),
-        }
-    }
-
-    fn verify(&mut self, _: &mut Ended, _: &mut Budget) -> Result<()> {
-        Ok(())
+        s.result.rank(s.result.cost, self.largest.max(s.largest))
     }
 
     /// Sequences next to one, the nearest first; all of them are local, as transitions whose guards stay away are not put in.
