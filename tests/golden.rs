@@ -1,5 +1,7 @@
 //! What the solver spends on problems of reference, as committed: iterations, factorisations, evaluations, trajectory for
-//! trajectory. A difference is not a mistake, but somebody should have meant it.
+//! trajectory. A difference is not a mistake, but somebody should have meant it. The kernels of programs, of finite elements
+//! and of events have to do exactly the work of the record. Searches have a band around it, since a change of their order
+//! that finds another way to the solution changes all counts; what they find, and how large the programs are, is exact.
 //!
 //! `SWB_WRITE_GOLDEN=1 cargo test --test golden` writes the file anew; the difference belongs into the same commit as
 //! what causes it.
@@ -94,6 +96,49 @@ fn simulated() -> Vec<(&'static str, System, Vec<f64>, f64, usize)> {
     ]
 }
 
+/// Counts of these are the work of a search.
+const SEARCHES: &str = "contacts ";
+const WORK: [&str; 3] = ["iterations", "factorisations", "evaluations"];
+/// By which factor a search may do less or more work than recorded. The orders in which a search tries as many neighbours differ
+/// by less; what costs more than this is slower, whatever the order.
+const BAND: usize = 2;
+
+/// Whether counts of a problem are those of the record.
+fn agrees(name: &str, recorded: &BTreeMap<String, usize>, found: &BTreeMap<String, usize>) -> bool {
+    recorded.len() == found.len()
+        && recorded.iter().all(|(what, &before)| {
+            let searched = name.starts_with(SEARCHES) && WORK.contains(&what.as_str());
+            found.get(what).is_some_and(|&now| {
+                if searched {
+                    now <= BAND * before && before <= BAND * now
+                } else {
+                    now == before
+                }
+            })
+        })
+}
+
+#[test]
+fn the_bands_are_for_the_work_of_searches_alone() {
+    let record = counts(&[("iterations", 100), ("variables", 7)]);
+    let agree = |name, found: &[(&str, usize)]| agrees(name, &record, &counts(found));
+    assert!(
+        agree("contacts a", &[("iterations", 50), ("variables", 7)])
+            && agree("contacts a", &[("iterations", 200), ("variables", 7)])
+    );
+    assert!(
+        !agree("contacts a", &[("iterations", 49), ("variables", 7)])
+            && !agree("contacts a", &[("iterations", 201), ("variables", 7)])
+    );
+    assert!(
+        !agree("contacts a", &[("iterations", 100), ("variables", 8)]) && !agree("contacts a", &[("iterations", 100)])
+    );
+    assert!(
+        !agree("event a", &[("iterations", 101), ("variables", 7)])
+            && agree("event a", &[("iterations", 100), ("variables", 7)])
+    );
+}
+
 #[test]
 fn the_work_is_that_of_the_record() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/golden.json");
@@ -105,7 +150,7 @@ fn the_work_is_that_of_the_record() {
     let mut differences = Vec::new();
     for name in recorded.keys().chain(found.keys().filter(|k| !recorded.contains_key(*k))) {
         let (before, now) = (recorded.get(name), found.get(name));
-        if before != now {
+        if !before.zip(now).is_some_and(|(before, now)| agrees(name, before, now)) {
             differences.push(format!("{name}: recorded {before:?}, now {now:?}"));
         }
     }
