@@ -1036,7 +1036,11 @@ class Model(Named):
                 raise ArgumentError(f"no derivative is given for {names}: set it to 0 if it is constant")
             for i, r in enumerate(self._rhs):
                 if r.ndim:  # type: ignore[union-attr]
-                    raise DimensionError(f"derivative {i} is an array of shape {r.shape}")  # type: ignore[union-attr]
+                    what = self.names[0][i] or f"x[{i}]"
+                    raise DimensionError(
+                        f"the derivative of {what} is an array of shape {r.shape}, not one expression; x, u and p of a model are arrays "  # type: ignore[union-attr]
+                        "of all states, controls and parameters, also where one of them has that name: take u[0]"
+                    )
             ids = numpy.array([int(r._ids) for r in self._rhs], dtype=numpy.int64)  # type: ignore[union-attr]
             trial = None
             if self._trial is not None:
