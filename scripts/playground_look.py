@@ -76,6 +76,18 @@ CALLS = """(async () => {
 })()"""
 #: Of these every operation is defined, and switches far from its surface.
 OPERANDS = (0.3, -0.7, 1.9)
+#: A program that is typed: a tank that flows over into another one, whose drain opens.
+TANKS = """states a = 0, b = 0
+controls u = 0.6
+over = max(a - 1, 0)
+a' = u - over
+b' = over - where(b > 0.5, 0.2, 0)
+simulate 4
+0 <= u <= 2
+minimise u^2
+at end b = 1
+solve 4 in 8 stages
+"""
 LONG = """states q = 0, v = 0
 controls F
 q' = v
@@ -157,6 +169,22 @@ class Browser:
             raise RuntimeError(answer["exceptionDetails"].get("exception", {}).get("description", "an exception"))
         return answer["result"].get("value")
 
+    def typed(self, text: str, first: str, last: str) -> Any:
+        """The answer after the text is typed over what is between two indices in the editor, and the mouse is pressed on Run."""
+        where = self.run(f"""(() => {{
+            const editor = part("textarea"), run = [...place.querySelectorAll("button")].find((b) => b.textContent === "Run");
+            place.found = null;
+            editor.focus();
+            editor.setSelectionRange({first}, {last});
+            run.scrollIntoView({{ block: "center", behavior: "instant" }});
+            const box = run.getBoundingClientRect();
+            return [box.x + box.width / 2, box.y + box.height / 2];
+        }})()""")
+        self.ask("Input.insertText", text=text)
+        for kind in ("mousePressed", "mouseReleased"):
+            self.ask("Input.dispatchMouseEvent", type=kind, x=where[0], y=where[1], button="left", clickCount=1)
+        return self.run("settled()")
+
     def picture(self, path: Path) -> None:
         path.write_bytes(base64.b64decode(self.ask("Page.captureScreenshot", format="png")["data"]))
 
@@ -194,7 +222,13 @@ def native() -> dict[str, Any]:
     relay = swb.Model(states="a b c")
     x, y, z = relay.x
     relay.derivatives = [swb.relay(z, -1, 1) - x, x - y, y - z]
+    tanks = swb.Model(states="a b", controls="u")
+    over = swb.maximum(tanks.a - 1, 0)
+    tanks.derivatives = [tanks.u[0] - over, over - swb.where(tanks.b > 0.5, 0.2, 0)]
+    typed = swb.Ocp(tanks, horizon=4, n_stages=8, lagrange=tanks.u[0]**2, initial_state=[0, 0], control_bounds=(0, 2))
+    typed.add_terminal(tanks.b, 1, 1)
     return {
+        "Tanks": (swb.simulate(tanks, [0, 0], 4, u=[0.6]).switch_times, typed.solve().cost),
         "Stick and slip": swb.simulate(m, [0, 0], 20, u=[0]).switch_times,
         "Relay in a loop": swb.simulate(relay, [0, 0, 0.2], 20).switch_times,
         "Best force on the belt": ocp.solve().cost,
@@ -237,6 +271,30 @@ def compared(found: dict[str, Any], expected: dict[str, Any]) -> list[str]:
     return wrong
 
 
+def edits(browser: Browser, known: dict[str, Any], folder: Path) -> list[str]:
+    """What is wrong where somebody edits an example, and types a program."""
+    wrong = []
+    browser.run('example("Mass on a belt")')
+    place = 'editor.value.indexOf("mu = 0.5")'
+    less = browser.typed("mu = 0.25", place, f'{place} + "mu = 0.5".length')
+    # it slips where the spring and the air, q + 0.1, are as strong as the friction, and q is the time
+    times = [s["t"] for s in (less.get("simulation") or {}).get("switches", [])]
+    if len(times) != 1 or not abs(times[0] - 0.15) <= 1e-12:
+        wrong.append(f"with less friction the mass slips at {times} and not at 0.15: {less.get('error')}")
+    tanks = browser.typed(TANKS, "0", "editor.value.length")
+    times = [s["t"] for s in (tanks.get("simulation") or {}).get("switches", [])]
+    expected, cost = known["Tanks"]
+    # the first tank is full at 1/0.6
+    if len(times) != 2 or not abs(times[0] - 5 / 3) <= 1e-9 or not abs(times[1] - expected[1]) <= 1e-9 * expected[1]:
+        wrong.append(f"two tanks that are typed switch at {times} and not at {[float(t) for t in expected]}: {tanks.get('error')}")
+    got = (tanks.get("solution") or {}).get("cost", math.nan)
+    if not abs(got - cost) <= 1e-9 * cost:
+        wrong.append(f"two tanks that are typed cost {got} and not {cost}")
+    print(f"typed: two tanks switch at {times}, expected {[float(t) for t in expected]}; cost {got}, expected {cost}")
+    browser.picture(folder / "playground-typed.png")
+    return wrong
+
+
 def look(browser: Browser, address: str, folder: Path) -> list[str]:
     wrong = []
     browser.open(f"{address}/index.html")
@@ -256,6 +314,7 @@ def look(browser: Browser, address: str, folder: Path) -> list[str]:
         browser.picture(folder / f"playground-{name.lower().replace(' ', '-')}.png")
     known = native()
     wrong += compared(found, known)
+    wrong += edits(browser, known, folder)
     for text, words in (
         ("states q\nq' = q +\nsimulate 1", "line 2, column 9"),
         ("states q\nq' = w\nsimulate 1", 'there is no "w"'),
