@@ -99,8 +99,10 @@ benchmarks: deps build
 		$(VENV)/bin/python bindings/python/benchmarks/nmpc_loops.py --out $(OUT)/benchmarks
 	$(VENV)/bin/python scripts/figures.py --times $(OUT)/benchmarks/data
 
+# Of a library without link-time optimisation, which is there sooner.
+site pictures: PROFILE = tests
 site: deps
-	$(MAKE) wheel
+	$(MAKE) PROFILE=$(PROFILE) wheel
 	sh scripts/site_deps.sh $(BUILD)
 	$(VENV)/bin/python scripts/playground.py $(BUILD)
 	$(VENV)/bin/python scripts/site.py $(BUILD)
@@ -108,7 +110,7 @@ site: deps
 	$(VENV)/bin/python scripts/playground_look.py $(BUILD)/site $(BUILD)/site_pictures
 
 pictures: deps
-	$(MAKE) wheel
+	$(MAKE) PROFILE=$(PROFILE) wheel
 	$(VENV)/bin/python scripts/site_pictures.py docs/pictures
 
 # Rust: one program knows every example.
