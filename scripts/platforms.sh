@@ -14,7 +14,8 @@
 # PLATFORMS_OPT: level of optimisation, unless given 0, and 1 for aarch64: a solve that takes more than 100 s in qemu without optimisation takes
 # 25 s then, and the build two minutes longer. PLATFORMS_SECONDS: how long one test may take.
 set -eu
-build=$1
+mkdir -p "$1"
+build=$(cd "$1" && pwd)
 shift
 [ $# -gt 0 ] || set -- aarch64 musl windows wasm macos
 here=$(pwd)
