@@ -5,7 +5,7 @@
 # make pictures  run the examples in Python and the recipes, and write their pictures into docs/pictures
 # make check     everything that must hold before a commit; what .ci/run runs. Of a library without link-time optimisation, which two
 #                processors build in half of the time; make check PROFILE=release checks what is shipped
-# make quick     formatting, layers and unit tests, while one works: two minutes after a change of one line
+# make quick     formatting, layers and unit tests, while one works: under a minute after a change of one line, on two cores
 # make install   library, header, CMake and pkg-config files, and the solver for AMPL, into PREFIX
 # make header    write what is made of options.toml of the settings, include/switchback.h, include/api.json, and from that what Python and Julia declare
 # make platforms  build for aarch64, musl, Windows, WebAssembly and macOS, and run the C tests there where this machine can; takes long
