@@ -224,8 +224,8 @@ def native() -> dict[str, Any]:
     relay.derivatives = [swb.relay(z, -1, 1) - x, x - y, y - z]
     tanks = swb.Model(states="a b", controls="u")
     over = swb.maximum(tanks.a - 1, 0)
-    tanks.derivatives = [tanks.u[0] - over, over - swb.where(tanks.b > 0.5, 0.2, 0)]
-    typed = swb.Ocp(tanks, horizon=4, n_stages=8, lagrange=tanks.u[0]**2, initial_state=[0, 0], control_bounds=(0, 2))
+    tanks.derivatives = [tanks["u"] - over, over - swb.where(tanks.b > 0.5, 0.2, 0)]
+    typed = swb.Ocp(tanks, horizon=4, n_stages=8, lagrange=tanks["u"]**2, initial_state=[0, 0], control_bounds=(0, 2))
     typed.add_terminal(tanks.b, 1, 1)
     return {
         "Tanks": (swb.simulate(tanks, [0, 0], 4, u=[0.6]).switch_times, typed.solve().cost),

@@ -69,7 +69,7 @@ MISTAKES = {
     "a state is assigned": (lambda: setattr(spring(), "q", 1), AttributeError, r"'q' is a state: set its derivative by"),
     "two models mixed": (lambda: spring().function(spring().q ** 2), swb.ArgumentError, r"expressions of two graphs"),
     "a derivative forgotten": (no_derivative, swb.ArgumentError, r"no derivative is given for v"),
-    "a state named x": (lambda: named_like_all().system(), swb.DimensionError, r"the derivative of x is an array.*take u\[0\]"),
+    "a state named x": (lambda: named_like_all().system(), swb.DimensionError, r"the derivative of x is an array.*write model\['u'\] for that one"),
     "math.sin": (lambda: first_order(lambda m: math.sin(m.q)), TypeError, r"use swb.sin or numpy.sin instead of math.sin"),
     "if in a model": (lambda: first_order(lambda m: 1 if m.q > 0 else 2), TypeError, r"use where, &, \| and ~, not if"),
     "sign in a cost": (lambda: (lambda m: m.function(swb.sign(m.q)))(spring()), swb.UnsupportedError, r"sums of smooth terms.*a further state"),

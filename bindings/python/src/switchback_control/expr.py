@@ -1039,7 +1039,7 @@ class Model(Named):
                     what = self.names[0][i] or f"x[{i}]"
                     raise DimensionError(
                         f"the derivative of {what} is an array of shape {r.shape}, not one expression; x, u and p of a model are arrays "  # type: ignore[union-attr]
-                        "of all states, controls and parameters, also where one of them has that name: take u[0]"
+                        "of all states, controls and parameters, also where one of them has that name: write model['u'] for that one"
                     )
             ids = numpy.array([int(r._ids) for r in self._rhs], dtype=numpy.int64)  # type: ignore[union-attr]
             trial = None
