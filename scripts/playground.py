@@ -2,9 +2,9 @@
 
 The module has the functions that web/switchback.mjs calls, and no others: the linker leaves out what they do not need. interface.mjs is what
 include/api.json says of these functions, with sizes and offsets of records for pointers of four bytes. Where the target wasm32-wasip1 of
-Rust is missing, nothing is built, and a line says so. PLAYGROUND_OPT: level of optimisation, "s" unless given: the README's optimal control
-problem takes 0.44 s with a module of 1.44 MB (gzip), with "z" 0.96 s and 1.25 MB, with "3" 0.41 s and 1.79 MB. Where there is a wasm-opt
-(binaryen), it makes that 1.40 MB.
+Rust is missing, nothing is built, and a line says so. PLAYGROUND_OPT: level of optimisation, "s" unless given: with "z" the
+README's optimal control problem takes 2.2 times as long, and the module has 0.87 of the size; with "3" 0.93 of the time, and 1.24 times the size.
+Where there is a wasm-opt (binaryen), it makes the module a few per cent smaller.
 """
 
 import gzip
