@@ -1,11 +1,11 @@
 //! Systems of many units: what happens in one of them ends no step of the others. The answers are those of runs whose steps end for all states,
 //! which those that record derivatives do.
 
-use switchback::event::{Engine, Options, Outcome, Run};
+use switchback::event::{Engine, Kind, Options, Outcome, Run};
 use switchback::expr::{Expr, Graph};
 use switchback::model::{Model, Transition};
 use switchback::system::Direction::{Falling, Rising};
-use switchback::system::{Rule, System};
+use switchback::system::{Effect, Rule, System, Trigger};
 
 const RTOL: f64 = 1e-7;
 
@@ -21,10 +21,10 @@ fn run(system: &System, x0: &[f64], end: f64, options: &Options) -> Run {
     e.into_run()
 }
 
-/// By units, and with steps that end for all states.
+/// By units, and with steps that end for all states, with far smaller tolerances.
 fn both(system: &System, x0: &[f64], end: f64) -> [Run; 2] {
-    [false, true].map(|adjoint| {
-        run(system, x0, end, &Options { dense: true, adjoint, ..Options::with_tolerance(RTOL, 1e-2 * RTOL) })
+    [(false, RTOL), (true, 1e-3 * RTOL)].map(|(adjoint, rtol)| {
+        run(system, x0, end, &Options { dense: true, adjoint, ..Options::with_tolerance(rtol, 1e-2 * rtol) })
     })
 }
 
@@ -230,6 +230,129 @@ fn sliding_units_and_others() {
     }
     let x0: Vec<f64> = (0..n).map(|i| set(i) + 0.8 * part(i, 2) - 0.4).chain((0..n).map(|_| 0.0)).collect();
     agree(&both(&m.build(&g).unwrap().system, &x0, 2.0), 20.0);
+}
+
+/// Relays without hysteresis in a row: they slide at their set points, one by one, and are too warm at times.
+fn relays(n: usize, coupling: f64) -> (System, Vec<f64>) {
+    let g = Graph::new();
+    let outside = 8.0 + 10.0 * (1.3 * g.t()).sin();
+    let mut rhs: Vec<Expr> = Vec::new();
+    for i in 0..n {
+        let set = 20.0 + 0.1 * (i % 4) as f64 + 0.01 * (i as f64).sin();
+        let mut d = (1.0 + 0.05 * (i % 5) as f64) * (outside - g.x(i));
+        for j in [i.checked_sub(1), Some(i + 1).filter(|j| *j < n)].into_iter().flatten() {
+            d += coupling * (g.x(j) - g.x(i));
+        }
+        rhs.push(d + (9.0 + 0.3 * (i % 3) as f64) * (1.0 - (g.x(i) - set).sign()));
+    }
+    let m = Model::from_rhs("relays", 0, 0, &rhs).unwrap();
+    (m.build(&g).unwrap().system, (0..n).map(|i| 18.0 + 2.0 * (2.1 * i as f64).sin()).collect())
+}
+
+/// The switches in their order, but for those of one time.
+fn switches(r: &Run) -> Vec<(usize, Kind, Vec<usize>)> {
+    let mut all: Vec<_> = r.switches.iter().map(|s| (s.subsystem, s.t, s.kind, s.after.clone())).collect();
+    all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    all.into_iter().map(|s| (s.0, s.2, s.3)).collect()
+}
+
+#[test]
+fn relays_slide_one_by_one() {
+    for coupling in [0.0, 0.5, 1.5] {
+        let (system, x0) = relays(40, coupling);
+        let runs = both(&system, &x0, 6.0);
+        assert!(runs[0].stats.switches >= 80, "{}", runs[0].stats.switches);
+        assert_eq!(switches(&runs[0]), switches(&runs[1]));
+        // switches end few steps
+        assert!(runs[0].stats.steps < runs[1].stats.steps / 2, "{} {}", runs[0].stats.steps, runs[1].stats.steps);
+        agree(&runs, 20.0);
+    }
+}
+
+/// Masses in a row, each with a relay on `x + v / 2`: a surface of two states, of which the relay drives one. Where `mixed`, it depends on the mass
+/// beside it too, and their weights on each other.
+fn masses(n: usize, mixed: f64) -> (System, Vec<f64>) {
+    let g = Graph::new();
+    let mut rhs: Vec<Expr> = (0..n).map(|i| g.x(n + i)).collect();
+    for i in 0..n {
+        let mut force = 0.9 * ((0.5 + part(i, 0)) * g.t() + part(i, 1)).sin();
+        for j in [i.checked_sub(1), Some(i + 1).filter(|j| *j < n)].into_iter().flatten() {
+            force += 0.4 * (g.x(j) - g.x(i));
+        }
+        let surface = g.x(i) + 0.5 * g.x(n + i) + mixed * g.x(n + (i + 1) % n);
+        rhs.push(force - surface.sign());
+    }
+    let m = Model::from_rhs("masses", 0, 0, &rhs).unwrap();
+    (m.build(&g).unwrap().system, (0..2 * n).map(|i| 2.0 * part(i, 2) - 1.0).collect())
+}
+
+#[test]
+fn surfaces_of_several_states() {
+    for mixed in [0.0, 0.05] {
+        let (system, x0) = masses(20, mixed);
+        let runs = both(&system, &x0, 6.0);
+        let slid = runs[1].switches.iter().filter(|s| s.kind == Kind::Enter).count();
+        assert!(slid >= 10, "{slid}");
+        assert_eq!(switches(&runs[0]), switches(&runs[1]));
+        assert_eq!(mixed == 0.0, runs[0].stats.steps < runs[1].stats.steps / 2);
+        agree(&runs, 2.0);
+    }
+}
+
+/// Notes on what single units do: on their states, which jump or have kinks within a step, and under their discrete states.
+#[test]
+fn notes_on_units() {
+    let g = Graph::new();
+    let n = 30;
+    let rhs: Vec<Expr> = (0..n).map(|i| 1.05 + 0.3 * part(i, 0) - g.x(i)).chain((0..n).map(|_| g.constant(0.0))).collect();
+    let mut m = Model::from_rhs("noted", 0, 0, &rhs).unwrap();
+    m.set_discrete(&vec![0.0; n]).unwrap();
+    for i in 0..n {
+        let beside = [(i + 1) % n, (i + n - 1) % n].map(|j| (j, (g.x(j) + 0.05).id()));
+        // every second firing is another one
+        for (from, to) in [(0.0, 1.0), (1.0, 0.0)] {
+            m.add_transition(Transition {
+                guard: (g.x(i) - 1.0).id(),
+                direction: Rising,
+                from: vec![(n + i, from)],
+                reset: [&[(i, (g.x(i) - 1.0).id())][..], &beside].concat(),
+                to: vec![(n + i, to)],
+                rule: Rule::default(),
+            });
+        }
+        let note = |guard: Expr, from: Vec<(usize, f64)>| Transition {
+            guard: guard.id(),
+            direction: Rising,
+            from,
+            reset: vec![],
+            to: vec![],
+            rule: Rule { effect: Effect::Note, trigger: Trigger::Edge, ..Rule::default() },
+        };
+        m.add_transition(note(g.x(i) - 0.5, vec![]));
+        m.add_transition(note(g.x(i) * g.x((i + 1) % n) - 0.3, vec![]));
+        m.add_transition(note(g.x(i) - 0.4, vec![(n + i, 1.0)]));
+    }
+    let system = m.build(&g).unwrap().system;
+    let x0: Vec<f64> = (0..n).map(|i| 0.9 * part(i, 3)).chain((0..n).map(|_| 0.0)).collect();
+    let runs = both(&system, &x0, 4.0);
+    assert!(runs[0].stats.steps < runs[1].stats.steps / 4, "{} {}", runs[0].stats.steps, runs[1].stats.steps);
+    agree(&runs, 2.0);
+    // in the order of time, but for those that are close
+    let by_note = |r: &Run| {
+        let mut all: Vec<_> = r.notes.iter().map(|n| (n.transition, n.t, n.rate, n.x.clone())).collect();
+        all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        all
+    };
+    let [units, all] = [0, 1].map(|k| by_note(&runs[k]));
+    assert!(units.len() == all.len() && all.len() > 200, "{} {}", units.len(), all.len());
+    assert!(all.iter().any(|n| n.2.is_nan()), "no jump made one true");
+    for (a, b) in units.iter().zip(&all) {
+        assert_eq!((a.0, a.2.is_nan()), (b.0, b.2.is_nan()), "{} {}", a.1, b.1);
+        assert!((a.1 - b.1).abs() < 1e-4, "note {}: {} {}", a.0, a.1, b.1);
+        let jumped = runs[1].jumps.iter().any(|j| (j.t - b.1).abs() < 1e-4);
+        assert!(jumped || a.3.iter().zip(&b.3).all(|(x, y)| (x - y).abs() < 1e-4), "note {} at {}", a.0, a.1);
+    }
+    assert!(runs[0].notes.windows(2).all(|w| w[0].t <= w[1].t));
 }
 
 /// States at times that were asked for before, and those of the last step, are those of the dense output.

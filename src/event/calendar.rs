@@ -9,6 +9,8 @@ use std::collections::BinaryHeap;
 
 use super::explicit::Flow;
 use super::field::{Depends, Field, Moving};
+#[cfg(doc)]
+use super::field::SLIDES;
 use super::step::{derivative, horner, Poly, Step};
 use super::Jump;
 use crate::func::{EvalError, EvalResult};
@@ -111,6 +113,19 @@ impl Tracks {
         derivative(poly, k, (t - start) / h) / h.powi(k as i32)
     }
 
+    /// Value and derivative at time `t` on the piece that state `i` follows at time `from`.
+    pub(super) fn follow(&self, step: &Step, i: usize, from: f64, t: f64) -> (f64, f64) {
+        let (start, h, poly) = self.piece(step, i, self.head[i], from);
+        let s = (t - start) / h;
+        (horner(poly, s), derivative(poly, 1, s) / h)
+    }
+
+    /// When the piece begins that state `i` follows up to time `t`, but for one that begins there; `from` at least.
+    pub(super) fn last_break(&self, i: usize, from: f64, t: f64) -> f64 {
+        let head = self.head_before(i, t);
+        head.checked_sub(1).map_or(from, |h| self.pieces[h as usize].t.max(from))
+    }
+
     /// The pieces of state `i`, the last one first: start, unit, coefficients.
     pub(super) fn pieces_of(&self, i: usize) -> impl Iterator<Item = (f64, f64, &Poly)> {
         let mut head = self.head[i];
@@ -188,7 +203,12 @@ impl Group {
     }
 
     /// Another one, of these states; those that `still` says do not move by themselves.
-    pub(super) fn gather(&mut self, states: &[u32], still: impl Fn(usize) -> bool, depends: &Depends) {
+    pub(super) fn gather(
+        &mut self,
+        states: &[u32],
+        still: impl Fn(usize) -> bool,
+        (depends, cells): (&Depends, &[usize]),
+    ) {
         self.forget();
         self.states.extend(states.iter().filter(|i| !still(**i as usize)));
         self.moving = self.states.len();
@@ -196,12 +216,14 @@ impl Group {
         for (k, &i) in self.states.iter().enumerate() {
             self.place[i as usize] = k as u32 + 1;
         }
-        for &i in &self.states[..self.moving] {
-            self.inputs.extend(depends.reads.of(i as usize).iter().filter(|j| {
-                let place = self.place[**j as usize];
+        let Group { states, moving, inputs, place, .. } = self;
+        for &i in &states[..*moving] {
+            depends.each_read(i as usize, cells, |j| {
                 // still states are inputs, too
-                place == 0 || place as usize > self.moving
-            }));
+                if place[j as usize] == 0 || place[j as usize] as usize > *moving {
+                    inputs.push(j);
+                }
+            });
         }
         self.inputs.sort_unstable();
         self.inputs.dedup();
@@ -251,6 +273,18 @@ impl Flow for Units<'_> {
     }
 }
 
+/// A subsystem goes over to another cell, or begins or ends to slide.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Crossing {
+    pub(super) sub: usize,
+    /// The cell that it goes over to, or [`SLIDES`]; once it has, the one before.
+    pub(super) cell: usize,
+    /// Rate of what vanishes; NaN where a jump has moved the state over the surface.
+    pub(super) rate: f64,
+    /// Order of the zero that the switching function has where the new cell begins.
+    pub(super) departs: usize,
+}
+
 /// The events of single units within a step.
 pub(super) struct UnitEvents {
     pub(super) depends: Depends,
@@ -264,9 +298,9 @@ pub(super) struct UnitEvents {
     /// The step of a group.
     pub(super) step: Step,
     pub(super) weights: Vec<f64>,
-    /// Active cells of the subsystems; `usize::MAX` where one slides.
+    /// Active cells of the subsystems, or [`SLIDES`].
     pub(super) cells: Vec<usize>,
-    /// States that subsystems drive that slide, or that their surfaces depend on.
+    /// States that subsystems drive which slide in a way that is nothing for single units, and those that their surfaces depend on.
     pub(super) tied: Vec<bool>,
     /// States that nothing but transitions moves.
     pub(super) still: Vec<bool>,
@@ -280,7 +314,9 @@ pub(super) struct UnitEvents {
     /// Transitions and switches of the present event that are still to be logged.
     pub(super) jumps: Vec<Jump>,
     pub(super) fired: Vec<u32>,
-    pub(super) crossed: Vec<(u32, usize, f64)>,
+    pub(super) crossed: Vec<Crossing>,
+    /// States that a weight depends on.
+    pub(super) inputs: Vec<u32>,
     /// Sources to be looked at again.
     asked: Vec<u32>,
     seen: Vec<bool>,
@@ -288,8 +324,10 @@ pub(super) struct UnitEvents {
     pub(super) times: Vec<f64>,
     /// Times of the events of this step.
     pub(super) events: Vec<f64>,
-    /// States whose velocities were evaluated by themselves.
+    /// States whose velocities were evaluated by themselves; those of this step, and those of them that an event moves at once.
     pub(super) rows: usize,
+    pub(super) spent: usize,
+    pub(super) needed: usize,
 }
 
 impl UnitEvents {
@@ -316,24 +354,47 @@ impl UnitEvents {
             jumps: Vec::new(),
             fired: Vec::new(),
             crossed: Vec::new(),
+            inputs: Vec::new(),
             asked: Vec::new(),
             seen: vec![false; n],
             values: Vec::new(),
             times: Vec::new(),
             events: Vec::new(),
             rows: 0,
+            spent: 0,
+            needed: 0,
             depends,
         })
     }
 
-    /// A step begins in which these zeros are expected.
-    pub(super) fn begin(&mut self, zeros: impl Iterator<Item = (f64, usize, f64)>) {
+    /// A step begins.
+    pub(super) fn begin(&mut self) {
         self.heap.clear();
         self.tracks.clear();
         self.events.clear();
-        for (t, source, rate) in zeros {
-            self.enter(t, source, rate);
-        }
+        (self.spent, self.needed) = (0, 0);
+    }
+
+    /// The length of the next step relative to this one that is worth it at most, where a step of all states evaluates the velocity at so many stages.
+    ///
+    /// There are as many events as a step is long, and what each of them is felt by grows with the time that is left: what its neighbours cost goes
+    /// with the square of the length, `c h²`, beside what a step costs, `a`. The cost of a unit of time, `(a + c h²) / h`, is least where both are the same.
+    pub(super) fn growth(&self, stages: usize) -> f64 {
+        let (all, beside) = (self.still.len() * stages, self.spent.saturating_sub(self.needed));
+        (all as f64 / beside as f64).sqrt()
+    }
+
+    /// Has so much been spent on neighbours that it is cheaper to end the step?
+    pub(super) fn is_spent(&self, stages: usize) -> bool {
+        /// How much shorter a step should have been; it is not known beforehand when many events come together.
+        const SHORTER: f64 = 0.5;
+        self.growth(stages) < SHORTER
+    }
+
+    /// So many states have been evaluated by themselves.
+    pub(super) fn spend(&mut self, rows: usize) {
+        self.rows += rows;
+        self.spent += rows;
     }
 
     /// A function vanishes at this time.
@@ -385,6 +446,14 @@ impl UnitEvents {
         self.forget_asked();
     }
 
+    /// Lists the states that the weight of subsystem `k` depends on.
+    pub(super) fn list_inputs(&mut self, k: usize) {
+        self.inputs.clear();
+        self.depends.each_read_of_weight(k, |j| self.inputs.push(j));
+        self.inputs.sort_unstable();
+        self.inputs.dedup();
+    }
+
     /// Source `q` is to be looked at.
     pub(super) fn ask(&mut self, q: usize) {
         if !std::mem::replace(&mut self.seen[q], true) {
@@ -402,7 +471,7 @@ impl UnitEvents {
 
     /// The surfaces that are crossed have their other sides.
     pub(super) fn exchange_cells(&mut self) {
-        self.crossed.iter_mut().for_each(|x| std::mem::swap(&mut self.cells[x.0 as usize], &mut x.1));
+        self.crossed.iter_mut().for_each(|x| std::mem::swap(&mut self.cells[x.sub], &mut x.cell));
     }
 
     /// Another run begins.

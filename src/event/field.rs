@@ -38,7 +38,7 @@ pub(super) use rows::Rows;
 use sliding::Sliding;
 pub(super) use stages::StagesOf;
 pub(super) use supports::{reachable, Supports};
-pub(super) use units::{Depends, Moving, Owner};
+pub(super) use units::{Depends, Moving, Owner, SLIDES};
 
 use self::bundled::Bundled;
 use self::contacts::WATCHED;

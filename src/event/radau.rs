@@ -458,6 +458,19 @@ impl Radau {
         })
     }
 
+    /// What the slope at the start of a step adds to its dense output at relative time `s`, where that has it, see [`Radau::dense`]: the multiple of the
+    /// polynomial that vanishes at all nodes whose slope there is one.
+    pub(super) fn bend(&self, s: f64) -> f64 {
+        let [a, b, _] = self.c;
+        s * (s - a) * (s - b) * (s - 1.0) / (-a * b)
+    }
+
+    /// Slopes at the start of the terms of [`Radau::cubic`], that of the start itself, which all others are relative to, left out.
+    pub(super) fn slopes_at_start(&self) -> [f64; 4] {
+        let row = self.to_powers.row(0);
+        [0.0, row[0], row[1], row[2]]
+    }
+
     /// Value of the cubic through `start`, row `i` at the first two stages, and `end`.
     pub(super) fn between(&self, weights: &[f64; 4], start: f64, i: usize, end: f64) -> f64 {
         weights[0] * start + weights[1] * self.z[0][i] + weights[2] * self.z[1][i] + weights[3] * end

@@ -121,6 +121,45 @@ impl Sens {
 
     /// Over an implicit step.
     pub(super) fn implicit(&mut self, radau: &Radau, field: &mut Field, s: &Step) -> EvalResult {
+        self.solve_stages(radau, field, s)?;
+        let end = 2 * self.step.own() * self.n_c;
+        self.s.iter_mut().zip(&self.rhs[end..]).for_each(|(s, b)| *s += b);
+        Ok(())
+    }
+
+    /// To the relative time `at` in an implicit step, along its dense output.
+    pub(super) fn implicit_to(&mut self, radau: &Radau, field: &mut Field, s: &Step, at: f64) -> EvalResult {
+        self.solve_stages(radau, field, s)?;
+        let (n_c, block) = (self.n_c, self.step.own() * self.n_c);
+        let mut weights = radau.cubic(at);
+        if s.poly.iter().any(|p| p[4] != 0.0) {
+            // it has the slope of the start, too
+            let bend = radau.bend(at);
+            weights.iter_mut().zip(radau.slopes_at_start()).for_each(|(w, slope)| *w -= bend * slope);
+            field.linearise(s.t, &s.x0)?;
+            self.y.fill(0.0);
+            for (i, out) in self.y.chunks_exact_mut(n_c.max(1)).enumerate() {
+                for (z, v) in field.velocity_rows().entries(i) {
+                    match z.checked_sub(field.nx) {
+                        None => out.iter_mut().zip(&self.s[z * n_c..]).for_each(|(o, s)| *o += v * s),
+                        Some(_) if z < self.first + n_c => out[z - self.first] += v,
+                        Some(_) => {}
+                    }
+                }
+            }
+            let by = bend * s.h;
+            self.s.iter_mut().zip(&self.y).for_each(|(s, y)| *s += by * y);
+        }
+        let n = self.s.len();
+        for (i, w) in weights[1..].iter().enumerate() {
+            let own = &self.rhs[i * block..i * block + n];
+            self.s.iter_mut().zip(own).for_each(|(s, b)| *s += w * b);
+        }
+        Ok(())
+    }
+
+    /// Derivatives of the stages of an implicit step relative to those of its start.
+    fn solve_stages(&mut self, radau: &Radau, field: &mut Field, s: &Step) -> EvalResult {
         let (nx, n_z, r, n_c) = (field.nx, field.n_z, field.n_alg(), self.n_c);
         let z = [&radau.z[0][..], &radau.z[1], &radau.z[2]];
         self.step.assemble(radau, field, (s.t, s.h), &s.x0, z)?;
@@ -136,9 +175,6 @@ impl Sens {
             rows.for_each(|(out, (row, sign))| along(&row[..n_z - 1], sign, nx, &self.s, out));
         }
         self.step.lu.solve_block(n_c, rhs, &mut self.work);
-        for (s, b) in self.s.iter_mut().zip(&rhs[2 * own * n_c..]) {
-            *s += b;
-        }
         Ok(())
     }
 

@@ -32,6 +32,7 @@ use self::limit_set::Origin;
 use self::notes::Notes;
 use self::parts::{Calendar, ContactEvents, Derivatives, EventFunctions, Log, Stepper};
 use self::search::Found;
+use self::units::Followed;
 use super::explicit::Pair;
 use super::field::{Apart, Field};
 use super::path::Path;
@@ -566,8 +567,14 @@ impl Engine {
                             return Ok(self.come_to_rest()?.unwrap_or(Progress::Stepped));
                         }
                         Some(Found::Zero(l, s, slope)) => {
-                            if let Some(p) = self.follow_units(t1, grown)? {
-                                return Ok(p);
+                            match self.follow_units(t1, grown)? {
+                                Followed::To(p) => return Ok(p),
+                                Followed::Coarse(e) => {
+                                    let factor = self.shrunk(e);
+                                    self.reject(&mut rejected, factor);
+                                    continue;
+                                }
+                                Followed::Not => {}
                             }
                             let entered = self.stepper.entered.take();
                             if let Some(cell) = entered {

@@ -7,9 +7,10 @@
 use super::{recover, Engine, EPS};
 use crate::error::Result;
 use crate::event::bernstein::{self, First, Sampler, NODES};
+use crate::event::calendar::UnitEvents;
 use crate::event::explicit;
-use crate::event::field::{gradient_map, scatter};
-use crate::event::step::Step;
+use crate::event::field::gradient_map;
+use crate::event::step::{derivative, horner, Step};
 use crate::event::Noted;
 use crate::func::{Dims, EvalError, EvalResult, Point};
 use crate::system::{Effect, System, Transition};
@@ -31,8 +32,10 @@ const NEAR: f64 = 0.01;
 struct Note {
     number: usize,
     transition: Transition,
-    /// Where the entries of the Jacobian go, row by row.
-    map: Vec<usize>,
+    /// Function and input of every entry of the Jacobian.
+    entries: Vec<(usize, usize)>,
+    /// States that its condition depends on, with the discrete ones that it asks for.
+    inputs: Vec<usize>,
     /// Was the condition true at the end of the last step? None: it is not watched yet.
     held: Option<bool>,
     /// Which of its functions are beyond zero.
@@ -43,12 +46,12 @@ struct Note {
 /// All of them, with memory.
 pub(super) struct Notes {
     all: Vec<Note>,
-    sampler: Sampler,
     side: Step,
+    /// Entries of the last Jacobian.
     jac: Vec<f64>,
-    buffer: Vec<f64>,
     work: Vec<f64>,
     x: Vec<f64>,
+    f: Vec<f64>,
     n_z: usize,
     /// Zeros in the present step: relative time, function, and whether it rises.
     zeros: Vec<(f64, usize, bool)>,
@@ -61,7 +64,15 @@ struct End {
     part: f64,
 }
 
-/// A function along a step: relative time to its value.
+/// A time in a step in which nothing that a note depends on goes its own way; with the events of single units in the step, if there are any.
+#[derive(Clone, Copy)]
+struct Window<'a> {
+    from: f64,
+    to: f64,
+    units: Option<&'a UnitEvents>,
+}
+
+/// A function along a window: relative time to its value.
 type Along<'a> = dyn FnMut(f64) -> std::result::Result<f64, EvalError> + 'a;
 
 impl Notes {
@@ -72,9 +83,17 @@ impl Notes {
         let note = |(number, t): (usize, &Transition)| {
             let n = t.guard.n_out();
             let rows: Vec<usize> = (0..n).collect();
+            let n_z = dims.x + dims.p + dims.u + 1;
+            let map = gradient_map(&t.guard, &rows, &dims);
+            let entries: Vec<(usize, usize)> = map.into_iter().map(|place| (place / n_z, place % n_z)).collect();
+            let states = entries.iter().map(|e| e.1).filter(|i| *i < dims.x);
+            let mut inputs: Vec<usize> = states.chain(t.from.iter().map(|f| f.0)).collect();
+            inputs.sort_unstable();
+            inputs.dedup();
             Note {
                 number,
-                map: gradient_map(&t.guard, &rows, &dims),
+                entries,
+                inputs,
                 held: None,
                 beyond: vec![false; n],
                 v: [vec![0.0; n], vec![0.0; n]],
@@ -88,12 +107,11 @@ impl Notes {
         let n_z = dims.x + dims.p + dims.u + 1;
         let most = |f: &dyn Fn(&Note) -> usize| all.iter().map(f).max().unwrap_or(0);
         Some(Box::new(Notes {
-            sampler: Sampler::new(),
             side: Step::new(dims.x),
-            jac: vec![0.0; n_z * most(&|n| n.beyond.len())],
-            buffer: vec![0.0; most(&|n| n.map.len())],
+            jac: vec![0.0; most(&|n| n.entries.len())],
             work: vec![0.0; most(&|n| n.transition.guard.work_len())],
             x: vec![0.0; dims.x],
+            f: vec![0.0; dims.x],
             n_z,
             zeros: Vec::new(),
             all,
@@ -130,18 +148,36 @@ impl Note {
 impl Engine {
     /// Looks through the step that is accepted and ends at `t1`. The state is still that at its start.
     pub(super) fn note_events(&mut self, t1: f64) -> Result<()> {
-        let Some(mut notes) = self.notes.take() else { return Ok(()) };
         // what has been evaluated at the end of the step is needed there
         let (alpha, q, dq) = (self.field.alpha.clone(), self.field.q.clone(), self.field.dq.clone());
+        let r = self.save_dense();
+        let r = r.and_then(|()| self.note_within(t1, None));
+        (self.field.alpha, self.field.q, self.field.dq) = (alpha, q, dq);
+        r
+    }
+
+    /// The same where single units have switched in the step, whose dense output is known.
+    pub(super) fn note_within(&mut self, t1: f64, units: Option<&UnitEvents>) -> Result<()> {
+        let Some(mut notes) = self.notes.take() else { return Ok(()) };
         let logged = self.log.notes.len();
-        let mut r = self.save_dense();
+        let (mut r, mut times) = (Ok(()), Vec::new());
         for k in 0..notes.all.len() {
-            if r.is_ok() {
-                let looked = self.look_through(&mut notes, k, t1);
-                r = recover(looked.map(|()| true), false).map(|_| ());
+            times.clear();
+            times.extend([self.t, t1]);
+            if let Some(c) = units {
+                notes.all[k].inputs.iter().for_each(|i| c.tracks.breaks(*i, self.t, &mut times));
+                times.retain(|t| *t <= t1);
+                times.sort_unstable_by(f64::total_cmp);
+                times.dedup();
+            }
+            for w in times.windows(2) {
+                let w = Window { from: w[0], to: w[1], units };
+                if r.is_ok() {
+                    let looked = self.look_through(&mut notes, k, w);
+                    r = recover(looked.map(|()| true), false).map(|_| ());
+                }
             }
         }
-        (self.field.alpha, self.field.q, self.field.dq) = (alpha, q, dq);
         self.notes = Some(notes);
         // each transition has been looked at for itself
         self.log.notes[logged..].sort_by(|a, b| a.t.total_cmp(&b.t));
@@ -153,8 +189,10 @@ impl Engine {
         let Some(mut notes) = self.notes.take() else { return Ok(()) };
         let mut r = Ok(());
         for k in 0..notes.all.len() {
-            if r.is_ok() && notes.all[k].held.is_none() && self.is_watched(&notes, k) {
-                let known = self.look_at_start(&mut notes, k);
+            notes.x.copy_from_slice(&self.x);
+            notes.f.copy_from_slice(&self.f);
+            if r.is_ok() && notes.all[k].held.is_none() && is_watched(&notes, k) {
+                let known = self.look_at_start(&mut notes, k, self.t);
                 r = recover(known.map(|()| true), false).map(|known| {
                     notes.all[k].held = known.then(|| notes.all[k].is_true());
                 });
@@ -164,19 +202,30 @@ impl Engine {
         r
     }
 
-    /// Are the discrete states as a note asks?
-    fn is_watched(&self, notes: &Notes, k: usize) -> bool {
-        notes.all[k].transition.from.iter().all(|&(state, value)| self.x[state] == value)
+    /// Writes what note `k` depends on, and its velocity, at a time in a window.
+    fn move_note(&self, notes: &mut Notes, k: usize, w: &Window, t: f64) {
+        let s = &self.stepper.step;
+        let Notes { all, x, f, .. } = notes;
+        for &i in &all[k].inputs {
+            (x[i], f[i]) = match w.units {
+                Some(c) => c.tracks.follow(s, i, w.from, t),
+                None if t == w.from => (self.x[i], self.f[i]),
+                None if t == w.to => (s.x1[i], s.f1[i]),
+                None => {
+                    let along = (t - s.t) / s.h;
+                    (horner(&s.poly[i], along), derivative(&s.poly[i], 1, along) / s.h)
+                }
+            };
+        }
     }
 
-    /// Finds out which functions of a note are beyond zero at the present point, or at zero and on their way.
-    fn look_at_start(&mut self, notes: &mut Notes, k: usize) -> EvalResult {
-        let (t, n) = (self.t, notes.all[k].beyond.len());
-        let at = Point { t, x: &self.x, u: &self.field.u, p: &self.field.p };
+    /// Finds out which functions of a note are beyond zero at the point that has been written, or at zero and on their way.
+    fn look_at_start(&mut self, notes: &mut Notes, k: usize, t: f64) -> EvalResult {
+        let at = Point { t, x: &notes.x, u: &self.field.u, p: &self.field.p };
         notes.all[k].values(0, &at, &mut notes.work)?;
-        self.gradients_of(notes, k, t, &self.x)?;
-        for l in 0..n {
-            let (near, rate) = self.nearness(notes, l, (t, &self.x), &self.f);
+        self.gradients_of(notes, k, t)?;
+        for l in 0..notes.all[k].beyond.len() {
+            let (near, rate) = self.nearness(notes, (k, l), t);
             let note = &mut notes.all[k];
             let v = note.v[0][l];
             note.beyond[l] = if v.abs() <= near { note.toward() * rate > 0.0 } else { v > 0.0 };
@@ -184,47 +233,54 @@ impl Engine {
         Ok(())
     }
 
-    /// Value of the terms of function `l` at a point, its rounding in units of the machine precision, and its rate; of the Jacobian that stands in
-    /// `jac`.
-    fn rate_of(&self, notes: &Notes, l: usize, (t, x): (f64, &[f64]), f: &[f64]) -> (f64, f64) {
-        let g = &notes.jac[l * notes.n_z..(l + 1) * notes.n_z];
-        let by_time = g[notes.n_z - 1];
-        let terms = g.iter().zip(x).enumerate().map(|(i, (g, x))| g.abs() * self.field.size(i, *x)).sum::<f64>();
-        (terms + (by_time * t).abs(), g.iter().zip(f).map(|(g, f)| g * f).sum::<f64>() + by_time)
+    /// Value of the terms of function `l` at the point that has been written, its rounding in units of the machine precision, and its rate; of the Jacobian
+    /// that stands in `jac`.
+    fn rate_of(&self, notes: &Notes, (k, l): (usize, usize), t: f64) -> (f64, f64) {
+        let (mut terms, mut rate) = (0.0, 0.0);
+        let own = notes.all[k].entries.iter().zip(&notes.jac).filter(|(e, _)| e.0 == l);
+        for (&(_, i), g) in own {
+            if i < self.nx {
+                terms += g.abs() * self.field.size(i, notes.x[i]);
+                rate += g * notes.f[i];
+            } else if i == notes.n_z - 1 {
+                terms += (g * t).abs();
+                rate += g;
+            }
+        }
+        (terms, rate)
     }
 
-    fn gradients_of(&self, notes: &mut Notes, k: usize, t: f64, x: &[f64]) -> EvalResult {
-        let Notes { all, jac, buffer, work, .. } = notes;
+    fn gradients_of(&self, notes: &mut Notes, k: usize, t: f64) -> EvalResult {
+        let Notes { all, jac, work, x, .. } = notes;
         let note = &all[k];
         let at = Point { t, x, u: &self.field.u, p: &self.field.p };
-        jac.fill(0.0);
-        scatter(&note.transition.guard, &at, &note.map, jac, (buffer, work))
+        note.transition.guard.jacobian(&at, &mut jac[..note.entries.len()], work)
     }
 
     /// Values of function `l` up to this one are rounding; and its rate.
-    fn nearness(&self, notes: &Notes, l: usize, at: (f64, &[f64]), f: &[f64]) -> (f64, f64) {
-        let (terms, rate) = self.rate_of(notes, l, at, f);
-        ((64.0 * EPS * terms).max(8.0 * EPS * rate.abs() * at.0.abs()), rate)
+    fn nearness(&self, notes: &Notes, l: (usize, usize), t: f64) -> (f64, f64) {
+        let (terms, rate) = self.rate_of(notes, l, t);
+        ((64.0 * EPS * terms).max(8.0 * EPS * rate.abs() * t.abs()), rate)
     }
 
-    fn look_through(&mut self, notes: &mut Notes, k: usize, t1: f64) -> std::result::Result<(), EvalError> {
-        if !self.is_watched(notes, k) {
+    fn look_through(&mut self, notes: &mut Notes, k: usize, w: Window) -> std::result::Result<(), EvalError> {
+        self.move_note(notes, k, &w, w.from);
+        if !is_watched(notes, k) {
             notes.all[k].held = None;
             return Ok(());
         }
-        let t0 = self.t;
         let before = notes.all[k].held;
-        self.look_at_start(notes, k)?;
+        self.look_at_start(notes, k, w.from)?;
         if before == Some(false) && notes.all[k].is_true() {
             // a jump has made it true
             let dt = self.derivatives.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone());
-            let noted = Noted { t: t0, transition: notes.all[k].number, x: self.x.clone(), rate: f64::NAN, dt };
-            self.log_note(noted);
+            let x = self.state_in(&w, w.from);
+            self.log_note(Noted { t: w.from, transition: notes.all[k].number, x, rate: f64::NAN, dt });
         }
         notes.zeros.clear();
-        let ends = self.look_at_end(notes, k, t1)?;
+        let ends = self.look_at_end(notes, k, &w)?;
         for (l, end) in ends.iter().enumerate() {
-            self.zeros_of(notes, k, l, t1, *end)?;
+            self.zeros_of(notes, (k, l), &w, *end)?;
         }
         notes.zeros.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut held = notes.all[k].is_true();
@@ -233,7 +289,7 @@ impl Engine {
             notes.all[k].beyond[l] = rises;
             let now = notes.all[k].is_true();
             if now && !held {
-                self.note(notes, (k, l), s, t1)?;
+                self.note(notes, (k, l), s, &w)?;
             }
             held = now;
         }
@@ -244,7 +300,7 @@ impl Engine {
             notes.all[k].beyond[l] = end.rises;
             let now = notes.all[k].is_true();
             if passes && now && !held {
-                self.note(notes, (k, l), 1.0, t1)?;
+                self.note(notes, (k, l), 1.0, &w)?;
             }
             held = now;
         }
@@ -252,19 +308,37 @@ impl Engine {
         Ok(())
     }
 
-    /// Which functions of a note are at zero to rounding at the end of the step; writes their values there.
+    /// All states at a time in a window.
+    fn state_in(&self, w: &Window, t: f64) -> Vec<f64> {
+        let s = &self.stepper.step;
+        let mut x = vec![0.0; self.nx];
+        match w.units {
+            // others may go their own way in between
+            Some(c) => x.iter_mut().enumerate().for_each(|(i, x)| {
+                let from = if t == w.to { c.tracks.last_break(i, w.from, t) } else { t };
+                *x = c.tracks.follow(s, i, from, t).0;
+            }),
+            None if t == w.from => x.copy_from_slice(&self.x),
+            None if t == w.to => x.copy_from_slice(&s.x1),
+            None => s.at((t - s.t) / s.h, &mut x),
+        }
+        x
+    }
+
+    /// Which functions of a note are at zero to rounding at the end of the window; writes their values there.
     fn look_at_end(
         &mut self,
         notes: &mut Notes,
         k: usize,
-        t1: f64,
+        w: &Window,
     ) -> std::result::Result<Vec<Option<End>>, EvalError> {
-        let h = t1 - self.stepper.step.t;
-        let at = Point { t: t1, x: &self.stepper.step.x1, u: &self.field.u, p: &self.field.p };
+        let (t, h) = (w.to, w.to - w.from);
+        self.move_note(notes, k, w, t);
+        let at = Point { t, x: &notes.x, u: &self.field.u, p: &self.field.p };
         notes.all[k].values(1, &at, &mut notes.work)?;
-        self.gradients_of(notes, k, t1, &self.stepper.step.x1)?;
+        self.gradients_of(notes, k, t)?;
         let end = |l: usize| {
-            let (near, rate) = self.nearness(notes, l, (t1, &self.stepper.step.x1), &self.stepper.step.f1);
+            let (near, rate) = self.nearness(notes, (k, l), t);
             let rises = notes.all[k].toward() * rate > 0.0;
             let part = MARGIN * near / (rate.abs() * h);
             (notes.all[k].v[1][l].abs() <= near).then_some(End { rises, part: if part < 1.0 { part } else { 0.0 } })
@@ -272,102 +346,110 @@ impl Engine {
         Ok((0..notes.all[k].beyond.len()).map(end).collect())
     }
 
-    /// Finds the zeros of function `l` of a note in the step.
-    fn zeros_of(&mut self, notes: &mut Notes, k: usize, l: usize, t1: f64, end: Option<End>) -> EvalResult {
-        let (t0, h) = (self.stepper.step.t, t1 - self.stepper.step.t);
-        let Notes { all, sampler, work, x, zeros, .. } = notes;
-        let note = &mut all[k];
-        let (u, p) = (&self.field.u, &self.field.p);
+    /// Finds the zeros of function `l` of note `k` in the window.
+    fn zeros_of(&mut self, notes: &mut Notes, (k, l): (usize, usize), w: &Window, end: Option<End>) -> EvalResult {
+        let note = &notes.all[k];
         let (first, last) = (note.v[0][l], note.v[1][l]);
         let (guard, toward, begins) = (note.transition.guard.clone(), note.toward(), note.beyond[l]);
-        let (n, step) = (note.beyond.len(), &self.stepper.step);
-        let mut out = vec![0.0; n];
+        let mut out = vec![0.0; note.beyond.len()];
+        let mut zeros = std::mem::take(&mut notes.zeros);
         let mut value = |s: f64| match s {
             _ if s == 0.0 => Ok(first),
             _ if s == 1.0 => Ok(last),
             _ => {
-                step.at(s * h / step.h, x);
-                guard.value(&Point { t: t0 + s * h, x, u, p }, &mut out, work)?;
+                let t = w.from + s * (w.to - w.from);
+                self.move_note(notes, k, w, t);
+                let at = Point { t, x: &notes.x, u: &self.field.u, p: &self.field.p };
+                guard.value(&at, &mut out, &mut notes.work)?;
                 Ok(toward * out[l])
             }
         };
         // at zero to rounding where it begins on the side its value is not on
         let departs = (first > 0.0) != begins || first == 0.0;
-        find_zeros(sampler, &mut value, (begins, departs), &mut |s, rises| {
+        let r = find_zeros(&self.functions.sampler, &mut value, (begins, departs), &mut |s, rises| {
             // next to the end it is the zero there, or rounding
             if end.is_none_or(|end| s < 1.0 - end.part) {
                 zeros.push((s, l, rises));
             }
-        })
+        });
+        notes.zeros = zeros;
+        r
     }
 
-    /// Writes down that function `l` of a note makes its condition true at relative time `s`.
-    fn note(&mut self, notes: &mut Notes, (k, l): (usize, usize), s: f64, t1: f64) -> EvalResult {
-        let h = t1 - self.stepper.step.t;
-        let mut t = if s == 1.0 { t1 } else { self.stepper.step.t + s * h };
+    /// Writes down that function `l` of note `k` makes its condition true at relative time `s` of the window.
+    fn note(&mut self, notes: &mut Notes, (k, l): (usize, usize), s: f64, w: &Window) -> EvalResult {
         let ended = s == 1.0;
-        let mut state = std::mem::take(&mut notes.x);
-        match ended {
-            true => state.copy_from_slice(&self.stepper.step.x1),
-            false => self.stepper.step.at(s * h / self.stepper.step.h, &mut state),
-        }
-        let explicit = !self.stepper.step_implicit;
-        let mut velocity = vec![0.0; self.nx];
-        let mut repeated = false;
-        if explicit && !ended {
-            let side = &mut notes.side;
-            (side.t, side.h, side.part) = (self.stepper.step.t, t - self.stepper.step.t, 1.0);
-            side.x0.copy_from_slice(&self.stepper.step.x0);
-            side.f0.copy_from_slice(&self.stepper.step.f0);
-            repeated = explicit::attempt(self.stepper.pair, &mut self.field, side).is_ok()
-                && self.field.rhs(t, &side.x1, &mut velocity).is_ok();
-        }
-        if repeated {
-            let at = notes.side.x1.clone();
-            let point = Point { t, x: &at, u: &self.field.u, p: &self.field.p };
-            let mut values = vec![0.0; notes.all[k].beyond.len()];
-            notes.all[k].transition.guard.value(&point, &mut values, &mut notes.work)?;
-            let value = values[l];
-            self.gradients_of(notes, k, t, &at)?;
-            let (_, rate) = self.rate_of(notes, l, (t, &at), &velocity);
-            let delta = -value / rate;
-            repeated = delta.abs() <= NEAR * notes.side.h;
-            if repeated {
-                t = (t + delta).clamp(self.stepper.step.t, t1);
-                state.iter_mut().zip(at.iter().zip(&velocity)).for_each(|(x, (at, f))| *x = at + delta * f);
+        let mut t = if ended { w.to } else { w.from + s * (w.to - w.from) };
+        let mut state = self.state_in(w, t);
+        let (mut repeated, mut known) = (false, true);
+        if w.units.is_some() {
+            self.move_note(notes, k, w, t);
+        } else {
+            let mut velocity = vec![0.0; self.nx];
+            if !self.stepper.step_implicit && !ended {
+                let side = &mut notes.side;
+                (side.t, side.h, side.part) = (self.stepper.step.t, t - self.stepper.step.t, 1.0);
+                side.x0.copy_from_slice(&self.stepper.step.x0);
+                side.f0.copy_from_slice(&self.stepper.step.f0);
+                repeated = explicit::attempt(self.stepper.pair, &mut self.field, side).is_ok()
+                    && self.field.rhs(t, &side.x1, &mut velocity).is_ok();
             }
+            if repeated {
+                notes.x.copy_from_slice(&notes.side.x1);
+                notes.f.copy_from_slice(&velocity);
+                let point = Point { t, x: &notes.x, u: &self.field.u, p: &self.field.p };
+                let mut values = vec![0.0; notes.all[k].beyond.len()];
+                notes.all[k].transition.guard.value(&point, &mut values, &mut notes.work)?;
+                let value = values[l];
+                self.gradients_of(notes, k, t)?;
+                let (_, rate) = self.rate_of(notes, (k, l), t);
+                let delta = -value / rate;
+                repeated = delta.abs() <= NEAR * notes.side.h;
+                if repeated {
+                    t = (t + delta).clamp(w.from, w.to);
+                    state.iter_mut().zip(notes.x.iter().zip(&velocity)).for_each(|(x, (at, f))| *x = at + delta * f);
+                }
+            }
+            known = repeated || self.field.rhs(t, &state, &mut velocity).is_ok();
+            notes.x.copy_from_slice(&state);
+            notes.f.copy_from_slice(&velocity);
         }
-        let known = repeated || self.field.rhs(t, &state, &mut velocity).is_ok();
-        self.gradients_of(notes, k, t, &state)?;
-        let rate = if known { self.rate_of(notes, l, (t, &state), &velocity).1 } else { f64::NAN };
-        let end = ended.then_some(t1);
-        let dt = self.time_of_note(notes, l, (repeated, end), rate)?;
-        let noted =
-            Noted { t, transition: notes.all[k].number, x: state.clone(), rate: notes.all[k].toward() * rate, dt };
-        self.log_note(noted);
-        notes.x = state;
+        self.gradients_of(notes, k, t)?;
+        let rate = if known { self.rate_of(notes, (k, l), t).1 } else { f64::NAN };
+        let end = ended.then_some(w.to);
+        let dt = self.time_of_note(notes, (k, l), (repeated, end), (t, rate))?;
+        let rate = notes.all[k].toward() * rate;
+        self.log_note(Noted { t, transition: notes.all[k].number, x: state, rate, dt });
         Ok(())
     }
 
-    /// Derivatives of the time of a note, whose gradient stands in `jac`: those of the state there are those of the step that was repeated.
-    /// Behind an implicit step, which is not, they are not known.
+    /// Derivatives of the time `t` of a note, whose gradient stands in `jac`: those of the state there are those of the step that was repeated, or of the
+    /// dense output of an implicit one.
     fn time_of_note(
         &mut self,
         notes: &mut Notes,
-        l: usize,
+        (k, l): (usize, usize),
         (repeated, end): (bool, Option<f64>),
-        rate: f64,
+        (t, rate): (f64, f64),
     ) -> std::result::Result<Vec<f64>, EvalError> {
         let Some(mut s) = self.derivatives.sens.take() else { return Ok(Vec::new()) };
+        let mut row = vec![0.0; notes.n_z];
+        let own = notes.all[k].entries.iter().zip(&notes.jac).filter(|(e, _)| e.0 == l);
+        own.for_each(|(e, g)| row[e.1] += g / -rate);
         let n_z = notes.n_z;
-        let mut row = notes.jac[l * n_z..(l + 1) * n_z].to_vec();
-        row.iter_mut().for_each(|g| *g /= -rate);
         let kept = (s.s.clone(), s.dt.clone());
         let own = &self.stepper.step;
         let (step, rest) = end.map_or((&notes.side, 0.0), |t1| (own, t1 - (own.t + own.h)));
-        let r = match (repeated || end.is_some()) && !self.stepper.step_implicit && !self.field.in_limit_set() {
-            true => s.explicit(self.stepper.pair, &mut self.field, step, rest).map(|()| true),
-            false => Ok(false),
+        let r = match (self.field.in_limit_set(), self.stepper.step_implicit) {
+            (true, _) => Ok(false),
+            (_, true) => {
+                let at = (t - own.t) / own.h;
+                s.implicit_to(&self.stepper.radau, &mut self.field, own, at).map(|()| true)
+            }
+            _ if repeated || end.is_some() => {
+                s.explicit(self.stepper.pair, &mut self.field, step, rest).map(|()| true)
+            }
+            _ => Ok(false),
         };
         let dt = match r {
             Ok(true) => {
@@ -390,6 +472,11 @@ impl Engine {
             self.log.notes.push(noted);
         }
     }
+}
+
+/// Are the discrete states of the point that has been written as note `k` asks?
+fn is_watched(notes: &Notes, k: usize) -> bool {
+    notes.all[k].transition.from.iter().all(|&(state, value)| notes.x[state] == value)
 }
 
 /// Calls `found` with all relative times at which a function passes zero, and whether it rises there. It begins on the side that `begins.0`

@@ -7,17 +7,20 @@
 //! the number of units is, and the error that is left is that of a step which ends at its dense output. The states that were in `A`
 //! at the last event of the same source are the first guess.
 //!
-//! What is not plain is left to the loop of all states, which ends the step there: sliding modes, functions with gradients that change, zeros of
+//! A subsystem may slide by itself: on one surface, whose rate depends on the mode of no other one that slides. Its weight is watched as a function of
+//! the states that it depends on.
+//!
+//! What is not plain is left to the loop of all states, which ends the step there: other sliding modes, functions with gradients that change, zeros of
 //! higher order, values that are zero to rounding behind an event, a transition that happens twice at one time, and sources whose intervals shrink.
 
 use super::accumulation::rest_of_series;
 use super::control::ACCURATE;
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
-use crate::event::bernstein::{self, First};
-use crate::event::calendar::{Entry, UnitEvents, Units};
+use crate::event::bernstein::{self, First, NODES};
+use crate::event::calendar::{Crossing, Entry, UnitEvents, Units};
 use crate::event::explicit::{self, Flow, Pair};
-use crate::event::field::Owner;
+use crate::event::field::{Owner, SLIDES};
 use crate::event::step::{derivative, Poly};
 use crate::event::{Jump, Kind, Outcome, Switch};
 
@@ -34,6 +37,15 @@ const EVENTS: usize = 16;
 /// Part of what counts as felt below which a state is left out the next time.
 const HARDLY: f64 = 0.1;
 
+/// How far single units were followed in a step.
+pub(super) enum Followed {
+    /// Not at all: the step is as it was.
+    Not,
+    /// The dense output, which events are located on, is off by so many tolerances.
+    Coarse(f64),
+    To(Progress),
+}
+
 impl Engine {
     /// May events in this step be left to the units?
     fn goes_by_units(&self) -> bool {
@@ -41,55 +53,72 @@ impl Engine {
             && !self.stepper.step_implicit
             && self.derivatives.sens.is_none()
             && self.derivatives.tape.is_none()
-            && self.notes.is_none()
             && !self.field.in_limit_set()
             && self.field.constant_gradients()
     }
 
-    /// Follows what happens in the step to its end `t1`, unit by unit; `grown` is the length of the next one. None where that is nothing for it:
-    /// the step is as it was.
-    pub(super) fn follow_units(&mut self, t1: f64, grown: f64) -> Result<Option<Progress>> {
-        if !self.goes_by_units() {
-            return Ok(None);
+    /// Follows what happens in the step to its end `t1`, unit by unit; `grown` is the length of the next one.
+    pub(super) fn follow_units(&mut self, t1: f64, grown: f64) -> Result<Followed> {
+        if !self.goes_by_units() || self.calendar.units.is_none() {
+            return Ok(Followed::Not);
         }
-        let Some(mut c) = self.calendar.units.take() else { return Ok(None) };
+        let e = self.error_inside()?;
+        // NaN is coarse
+        if !(e <= 1.0) {
+            return Ok(Followed::Coarse(e));
+        }
+        let Some(mut c) = self.calendar.units.take() else { return Ok(Followed::Not) };
         let (t, left) = self.follow_events(&mut c, t1);
         let known = if !c.events.is_empty() { self.end_units(&mut c, t, t1).map(Some) } else { Ok(None) };
         if c.events.is_empty() {
             c.tracks.clear();
         }
+        let most = (t - self.stepper.step.t) * c.growth(self.stepper.pair.rows().0.len());
         self.calendar.units = Some(c);
-        let Some(known) = known? else { return Ok(None) };
-        self.stepper.h = grown;
+        let Some(known) = known? else { return Ok(Followed::Not) };
+        let by_output = 0.9 * self.stepper.step.h * e.powf(-1.0 / self.stepper.pair.order());
+        self.stepper.h = grown.min(by_output).min(most);
         if !known {
-            return Ok(Some(self.fail(Outcome::NoContinuation, "the system is not defined behind an event".into())));
+            let p = self.fail(Outcome::NoContinuation, "the system is not defined behind an event".into());
+            return Ok(Followed::To(p));
         }
         let at = left.and_then(|e| {
             (0..self.functions.watches.len()).find(|l| self.source(&self.functions.watches[*l]) == e.source)
         });
-        match at.zip(left) {
-            Some((l, e)) => self.switch(l, e.rate, grown).map(Some),
-            None => Ok(Some(Progress::Switched)),
-        }
+        let h = self.stepper.h;
+        Ok(Followed::To(match at.zip(left) {
+            Some((l, e)) => self.switch(l, e.rate, h)?,
+            None => Progress::Switched,
+        }))
+    }
+
+    /// Error of the dense output of the step, on which events are located, relative to the tolerances.
+    fn error_inside(&mut self) -> Result<f64> {
+        let r = explicit::error_inside(&mut self.field, &mut self.stepper.step, &self.stepper.weights);
+        // the weights are those at the end again
+        let n_alg = self.stepper.alpha_end.len();
+        self.field.alpha[..n_alg].copy_from_slice(&self.stepper.alpha_end);
+        recover(r, f64::NAN)
     }
 
     /// The events in their order. Says up to where they are followed, and which one is left that happens there.
     fn follow_events(&mut self, c: &mut UnitEvents, t1: f64) -> (f64, Option<Entry>) {
         let (t, h) = (self.stepper.step.t, self.stepper.step.h);
-        c.begin(
-            self.functions
-                .zeros
-                .iter()
-                .map(|&(l, s, slope)| (t + s * h, self.source(&self.functions.watches[l]), slope)),
-        );
+        c.begin();
         self.field.move_parts_to(t, &self.stepper.step.x0);
         c.cells.clear();
-        c.cells.extend(self.field.active.iter().map(|set| if let [cell] = set[..] { cell } else { usize::MAX }));
-        self.field.mark_tied(&mut c.tied);
+        c.cells.extend(self.field.active.iter().map(|set| if let [cell] = set[..] { cell } else { SLIDES }));
+        self.field.mark_tied(&c.depends, &c.cells, &mut c.tied);
+        for n in 0..self.functions.zeros.len() {
+            let (l, s, slope) = self.functions.zeros[n];
+            let (source, at) = (self.source(&self.functions.watches[l]), t + s * h);
+            let at = self.sharpened(c, source, (at, slope), (t, t1));
+            c.enter(at, source, slope);
+        }
         let mut last = t;
         while let Some(e) = c.next() {
             c.forget_event();
-            let many = c.events.len() > EVENTS * self.nx;
+            let many = c.events.len() > EVENTS * self.nx || c.is_spent(self.stepper.pair.rows().0.len());
             if !many && e.t > t && e.t < t1 && self.happens(c, e, t1) {
                 c.events.push(e.t);
                 last = e.t;
@@ -109,14 +138,18 @@ impl Engine {
         let repeats = history.back(0).is_some_and(|last| e.t - last <= 64.0 * EPS * e.t.abs());
         let shrinks = history.gaps().is_some_and(|g| rest_of_series(&g).is_some());
         // NaN is slow
-        let clear = -e.rate * self.stepper.step.h > SLOW * self.sizes_at(c, e.source, e.t).1;
-        if repeats || shrinks || !clear || self.functions.levels[e.source] > 0.0 {
+        // weights are between 0 and 1
+        let size = if let Owner::Weight(_) = owner { 1.0 } else { self.sizes_at(c, e.source, e.t).1 };
+        let clear = -e.rate * self.stepper.step.h > SLOW * size;
+        let level = self.functions.levels.get(e.source).is_some_and(|l| *l > 0.0);
+        if repeats || shrinks || !clear || level {
             return false;
         }
         self.field.set_time_of_parts(e.t);
         let plain = match owner {
             Owner::Guard(g) => !self.field.guards.all[g].spent && self.cascades(c, g, e),
-            Owner::Surface(k) => c.cells[k] != usize::MAX && self.crosses(c, k, e),
+            Owner::Surface(k) => c.cells[k] != SLIDES && self.crosses(c, k, e),
+            Owner::Weight(k) => c.cells[k] == SLIDES && self.lets_go_alone(c, k, e),
             Owner::Other => false,
         };
         if !plain {
@@ -180,7 +213,7 @@ impl Engine {
             for m in 0..c.depends.watching.of(i).len() {
                 let q = c.depends.watching.of(i)[m] as usize;
                 let Owner::Surface(k) = c.depends.owner[q] else { continue };
-                if c.cells[k] == usize::MAX {
+                if c.cells[k] == SLIDES {
                     return false;
                 }
                 let (inside, other) = self.field.sides(k, c.cells[k]);
@@ -188,8 +221,8 @@ impl Engine {
                 if value.is_nan() || value.abs() <= 64.0 * EPS * self.sizes_at(c, q, t).0 {
                     return false;
                 }
-                if value < 0.0 && c.crossed.iter().all(|x| x.0 as usize != k) {
-                    c.crossed.push((k as u32, other, f64::NAN));
+                if value < 0.0 && c.crossed.iter().all(|x| x.sub != k) {
+                    c.crossed.push(Crossing { sub: k, cell: other, rate: f64::NAN, departs: 0 });
                 }
             }
         }
@@ -248,7 +281,7 @@ impl Engine {
         true
     }
 
-    /// Does the motion cross the surface of subsystem `k`, which leads from its present cell to the other one?
+    /// Does the motion cross the surface of subsystem `k`, which leads from its present cell to the other one, or slide on it, by itself?
     fn crosses(&mut self, c: &mut UnitEvents, k: usize, e: Entry) -> bool {
         let (inside, other) = self.field.sides(k, c.cells[k]);
         let states: Vec<u32> =
@@ -257,7 +290,7 @@ impl Engine {
             return false;
         }
         let before = std::mem::replace(&mut c.cells[k], other);
-        c.group.gather(&states, |_| false, &c.depends);
+        c.group.gather(&states, |_| false, (&c.depends, &c.cells));
         self.start_group(c, e.t);
         c.step.resize(states.len());
         let UnitEvents { group, moving, tracks, step, .. } = c;
@@ -269,11 +302,133 @@ impl Engine {
         let g = self.field.gradients.row(&self.functions.dq0, e.source);
         let terms = || g.values.iter().zip(velocity).map(|(g, v)| g * v).chain([g.t]);
         let (rate, size) = (inside * terms().sum::<f64>(), terms().map(f64::abs).sum::<f64>());
-        if !known || rate.is_nan() || rate > -CLEAR * size {
+        if !known || rate.is_nan() || rate.abs() <= CLEAR * size {
             return false;
         }
-        c.crossed.push((k as u32, other, e.rate));
+        let slides = rate > 0.0;
+        if slides && self.field.slides_with_others(k, &c.cells) {
+            return false;
+        }
+        let (cell, departs) = if slides { (SLIDES, 0) } else { (other, 1) };
+        c.crossed.push(Crossing { sub: k, cell, rate: e.rate, departs });
         true
+    }
+
+    /// Does the sliding mode of subsystem `k` end at a zero of one of its weights? On a surface that attracts, it does where the weight falls, see
+    /// [`Engine::lets_go`]: the rate of the surface under the other mode passes zero with it, so it is left with a zero of order two.
+    fn lets_go_alone(&mut self, c: &mut UnitEvents, k: usize, e: Entry) -> bool {
+        let first = self.field.first_cell(k);
+        let gone = e.source - c.depends.weight(first);
+        self.field.list_weight(k, (&c.depends, &c.cells), &mut c.moving);
+        c.list_inputs(k);
+        if self.weight_at(c, e.t).is_none() {
+            return false;
+        }
+        let across = c.moving.weights[0].1;
+        let attracts = self.field.sides(k, first).0 * across > 0.0;
+        if attracts {
+            c.crossed.push(Crossing { sub: k, cell: first + 1 - gone, rate: e.rate, departs: 2 });
+        }
+        attracts
+    }
+
+    /// Weight of the second cell of the subsystem that is listed, at time `t`; none where it is not defined.
+    fn weight_at(&mut self, c: &mut UnitEvents, t: f64) -> Option<f64> {
+        self.field.set_time_of_parts(t);
+        for &j in &c.inputs {
+            self.field.set_state_of_parts(j as usize, c.tracks.value(&self.stepper.step, j as usize, t));
+        }
+        self.field.move_by_parts(&mut c.moving, &mut []).then(|| c.moving.weights[0].0)
+    }
+
+    /// Time of a zero of a weight that an interpolation has found, between `from` and `to`; of what else may vanish it is known already.
+    fn sharpened(&mut self, c: &mut UnitEvents, source: usize, zero: (f64, f64), (from, to): (f64, f64)) -> f64 {
+        let Owner::Weight(k) = c.depends.owner[source] else { return zero.0 };
+        let second = source != c.depends.weight(self.field.first_cell(k));
+        self.field.list_weight(k, (&c.depends, &c.cells), &mut c.moving);
+        c.list_inputs(k);
+        self.sharpen_weight(c, second, zero, (from, to)).unwrap_or(zero.0)
+    }
+
+    /// The same of the weight of the second cell, or of the first, of the subsystem that is listed.
+    fn sharpen_weight(
+        &mut self,
+        c: &mut UnitEvents,
+        second: bool,
+        (mut t, rate): (f64, f64),
+        (from, to): (f64, f64),
+    ) -> Option<f64> {
+        /// Part of the time between the ends.
+        const SHARP: f64 = 1e-9;
+        let (mut slope, mut before) = (rate, None);
+        for _ in 0..6 {
+            let alpha = self.weight_at(c, t)?;
+            let value = if second { alpha } else { 1.0 - alpha };
+            if let Some((v, at)) = before {
+                let secant: f64 = (value - v) / (t - at);
+                slope = if secant < 0.0 { secant } else { slope };
+            }
+            before = Some((value, t));
+            let next = (t - value / slope).clamp(from, to);
+            if (next - t).abs() <= SHARP * (to - from) {
+                return Some(next);
+            }
+            t = next;
+        }
+        None
+    }
+
+    /// Enters the next zero of a weight of subsystem `k` between `from` and `to`; where a weight is not defined, `from`.
+    fn look_for_end(&mut self, c: &mut UnitEvents, k: usize, (from, to): (f64, f64)) {
+        self.field.list_weight(k, (&c.depends, &c.cells), &mut c.moving);
+        c.list_inputs(k);
+        let mut times = std::mem::take(&mut c.times);
+        times.clear();
+        times.extend([from, to]);
+        c.inputs.iter().for_each(|i| c.tracks.breaks(*i as usize, from, &mut times));
+        times.sort_unstable_by(f64::total_cmp);
+        times.dedup();
+        let found = times.windows(2).find_map(|w| self.end_between(c, (w[0], w[1])));
+        c.times = times;
+        let first = self.field.first_cell(k);
+        match found {
+            Some(Some((t, cell, rate))) => c.enter(t, c.depends.weight(first + cell), rate),
+            // it is left to the step of all states
+            Some(None) => c.enter(from, c.depends.weight(first), f64::NAN),
+            None => {}
+        }
+    }
+
+    /// Time of the first zero of a weight of the subsystem that is listed, which of its two cells has it, and the rate there; none inside where they are not
+    /// defined.
+    fn end_between(&mut self, c: &mut UnitEvents, (from, to): (f64, f64)) -> Option<Option<(f64, usize, f64)>> {
+        let (mut samples, h) = ([0.0; NODES], to - from);
+        let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+        // every second one says whether the others are worth it
+        for i in (0..NODES).step_by(2).chain((1..NODES).step_by(2)) {
+            if i == 1 && ![(lo, hi), (1.0 - hi, 1.0 - lo)].iter().any(|(lo, hi)| may_vanish(*lo, *hi)) {
+                return None;
+            }
+            let s = self.functions.sampler.nodes[i];
+            let Some(v) = self.weight_at(c, from + s * h) else { return Some(None) };
+            (samples[i], lo, hi) = (v, lo.min(v), hi.max(v));
+        }
+        let mut first: Option<(f64, usize, f64)> = None;
+        for cell in [1, 0] {
+            if cell == 0 {
+                samples.iter_mut().for_each(|v| *v = 1.0 - *v);
+            }
+            let (b, degree) = self.functions.sampler.coefficients(&samples, 0);
+            let b = &b[..=degree];
+            if let First::Zero(s) = bernstein::first(b) {
+                let (t, rate) = (from + s * h, bernstein::slope(b, s) / h);
+                if first.is_none_or(|f| t < f.0) {
+                    first = Some((t, cell, rate));
+                }
+            }
+        }
+        let (t, cell, rate) = first?;
+        Some(self.sharpen_weight(c, cell == 1, (t, rate), (from, to)).map(|t| (t, cell, rate)))
     }
 
     /// Lists what moves the group, and the values it begins with behind the present event.
@@ -291,14 +446,16 @@ impl Engine {
     /// Integrates what the present event can be felt by anew. False if that is too much, or not plain.
     fn integrate_around(&mut self, c: &mut UnitEvents, e: Entry, t1: f64) -> bool {
         let mut states: Vec<u32> = c.changes.iter().map(|x| x.0).collect();
+        for x in &c.crossed {
+            states.extend(c.depends.drives.of(x.sub));
+        }
+        let moved = |i: &u32| !c.still[*i as usize];
+        c.needed += self.stepper.pair.rows().0.len() * states.iter().filter(|i| moved(i)).count();
         for n in 0..c.fired.len() {
             states.extend(c.reach_of(self.field.guards.all[c.fired[n] as usize].q));
         }
         if c.fired.is_empty() {
             states.extend(c.reach_of(e.source));
-        }
-        for x in &c.crossed {
-            states.extend(self.field.driven_by(x.0 as usize).iter().map(|i| *i as u32));
         }
         let mark = c.mark();
         loop {
@@ -311,8 +468,8 @@ impl Engine {
             if PART * states.len() > self.nx || !states.iter().all(plain) {
                 return false;
             }
-            let UnitEvents { group, depends, still, .. } = c;
-            group.gather(&states, |i| still[i], depends);
+            let UnitEvents { group, depends, still, cells, .. } = c;
+            group.gather(&states, |i| still[i], (depends, cells));
             c.part_from(e.t);
             self.start_group(c, e.t);
             let felt = self.integrate_group(c, e.t, t1).then(|| self.feels(c, e.t, t1, &mut states)).flatten();
@@ -354,10 +511,10 @@ impl Engine {
         let (mut t, mut h, mut fresh) = (t, t1 - t, true);
         for _ in 0..STEPS {
             let last = h >= 0.99 * (t1 - t);
-            let UnitEvents { group, moving, tracks, step, weights, .. } = c;
+            let UnitEvents { group, moving, tracks, step, weights, rows, spent, .. } = c;
             (step.t, step.h) = (t, if last { t1 - t } else { h });
             let mut units = Units { field: &mut self.field, group, moving, tracks, step: &self.stepper.step };
-            c.rows += n * pair.rows().0.len();
+            (*rows, *spent) = (*rows + n * pair.rows().0.len(), *spent + n * pair.rows().0.len());
             if std::mem::take(&mut fresh) && units.write_velocity(t, &step.x0, &mut step.f0).is_err() {
                 return false;
             }
@@ -372,8 +529,14 @@ impl Engine {
                 known = explicit::finish(pair, &mut units, step).is_ok();
             }
             // NaN fails too
-            let good = err <= 1.0 && known && !explicit::is_misjudged(pair, step, weights);
-            if !good || explicit::dense(pair, &mut units, step).is_err() {
+            let mut good = err <= 1.0 && known && !explicit::is_misjudged(pair, step, weights);
+            good = good && explicit::dense(pair, &mut units, step).is_ok();
+            let mut err = err;
+            if good {
+                err = err.max(explicit::error_inside(&mut units, step, weights).unwrap_or(f64::NAN));
+                good = err <= 1.0;
+            }
+            if !good {
                 h = step.h * if err > 1.0 { (0.9 * err.powf(-1.0 / pair.order())).clamp(0.1, 0.9) } else { 0.25 };
                 continue;
             }
@@ -398,8 +561,11 @@ impl Engine {
     fn feels(&mut self, c: &mut UnitEvents, t: f64, t1: f64, states: &mut Vec<u32>) -> Option<bool> {
         let mut beside: Vec<u32> = Vec::new();
         for &i in &c.group.states {
-            let outside = |j: &&u32| c.group.place(**j as usize).is_none();
-            beside.extend(c.depends.readers.of(i as usize).iter().filter(outside));
+            c.depends.each_reader(i as usize, &c.cells, |j| {
+                if c.group.place(j as usize).is_none() {
+                    beside.push(j);
+                }
+            });
         }
         beside.sort_unstable();
         beside.dedup();
@@ -411,16 +577,20 @@ impl Engine {
             }
             let UnitEvents { moving, depends, cells, .. } = c;
             self.field.list_moving(&[j], (depends, cells), |i| (i == own).then_some(0), moving);
+            let mut reads = std::mem::take(&mut c.inputs);
+            reads.clear();
+            reads.push(j);
+            c.depends.each_read(own, &c.cells, |i| reads.push(i));
             let mut worst = 0.0f64;
             for s in [0.0, 0.5, 1.0] {
                 let at = t + s * (t1 - t);
                 self.field.set_time_of_parts(at);
                 let (mut new, mut old) = ([0.0], [0.0]);
-                for &i in c.depends.reads.of(own).iter().chain([&j]) {
+                for &i in &reads {
                     self.field.set_state_of_parts(i as usize, c.new_value(&self.stepper.step, i as usize, at));
                 }
                 let mut known = self.field.move_by_parts(&mut c.moving, &mut new);
-                for &i in c.depends.reads.of(own).iter().chain([&j]) {
+                for &i in &reads {
                     self.field.set_state_of_parts(i as usize, c.tracks.value(&self.stepper.step, i as usize, at));
                 }
                 known &= self.field.move_by_parts(&mut c.moving, &mut old);
@@ -429,7 +599,8 @@ impl Engine {
                     return None;
                 }
             }
-            c.rows += 6;
+            c.inputs = reads;
+            c.spend(6);
             if (t1 - t) * worst * self.stepper.weights[own] > ACCURATE {
                 states.push(j);
                 any = true;
@@ -455,24 +626,34 @@ impl Engine {
         }
         self.log.jumps.extend(c.jumps.drain(..).map(|j| Jump { simultaneous: several, ..j }));
         self.log.stats.switches += c.crossed.len();
-        for &(k, before, rate) in &c.crossed {
+        for &Crossing { sub, cell, rate, .. } in &c.crossed {
             if self.log.switches.len() >= self.options.max_log {
                 continue;
             }
-            let (k, after) = (k as usize, c.cells[k as usize]);
-            let q = self.field.surfaces(k).start;
-            let speed = self.stepper.step.f0.iter().map(|v| v * v).sum::<f64>().sqrt();
-            let steepness =
-                self.field.gradients.row(&self.functions.dq0, q).states().map(|s| s.1 * s.1).sum::<f64>().sqrt();
+            let first = self.field.first_cell(sub);
+            let modes = |cell: usize| match cell {
+                SLIDES => self.field.modes_of(sub, &[first, first + 1]),
+                _ => self.field.modes_of(sub, &[cell]),
+            };
+            let (kind, transversality) = match (cell, c.cells[sub]) {
+                (SLIDES, _) => (Kind::Leave, f64::NAN),
+                (_, after) => {
+                    let q = self.field.surfaces(sub).start;
+                    let speed = self.stepper.step.f0.iter().map(|v| v * v).sum::<f64>().sqrt();
+                    let gradient = self.field.gradients.row(&self.functions.dq0, q);
+                    let steepness = gradient.states().map(|s| s.1 * s.1).sum::<f64>().sqrt();
+                    (if after == SLIDES { Kind::Enter } else { Kind::Cross }, rate / (steepness * speed))
+                }
+            };
             self.log.switches.push(Switch {
                 t: e.t,
-                kind: Kind::Cross,
+                kind,
                 simultaneous: c.crossed.len() > 1,
-                subsystem: k,
-                before: self.field.modes_of(k, &[before]),
-                after: self.field.modes_of(k, &[after]),
+                subsystem: sub,
+                before: modes(cell),
+                after: modes(c.cells[sub]),
                 rate,
-                transversality: rate / (steepness * speed),
+                transversality,
                 unique: true,
                 dt: Vec::new(),
             });
@@ -486,6 +667,11 @@ impl Engine {
             for m in 0..c.depends.watching.of(i).len() {
                 c.ask(c.depends.watching.of(i)[m] as usize);
             }
+            let mut subs = std::mem::take(&mut c.inputs);
+            subs.clear();
+            c.depends.each_weight(i, &c.cells, |k| subs.push(k as u32));
+            subs.iter().for_each(|k| c.ask(c.depends.weight(self.field.first_cell(*k as usize))));
+            c.inputs = subs;
         }
         for n in 0..c.changes.len() {
             let i = c.changes[n].0 as usize;
@@ -497,7 +683,9 @@ impl Engine {
             c.ask(self.field.guards.all[c.fired[n] as usize].q);
         }
         for n in 0..c.crossed.len() {
-            c.ask(self.field.surfaces(c.crossed[n].0 as usize).start);
+            let k = c.crossed[n].sub;
+            c.ask(self.field.surfaces(k).start);
+            c.ask(c.depends.weight(self.field.first_cell(k)));
         }
         while let Some(q) = c.first_asked() {
             c.strike_out(q);
@@ -505,11 +693,20 @@ impl Engine {
                 Owner::Guard(h) if self.is_armed(c, h, t) => {
                     let g = &self.field.guards.all[h];
                     let toward = g.transition.direction.sign();
-                    (if g.spent { toward } else { -toward }, false)
+                    (if g.spent { toward } else { -toward }, 0)
                 }
-                Owner::Surface(k) if c.cells[k] != usize::MAX => {
-                    let here = c.crossed.iter().any(|x| x.0 as usize == k && !x.2.is_nan());
-                    (self.field.sides(k, c.cells[k]).0, here)
+                Owner::Surface(k) if c.cells[k] != SLIDES => {
+                    let here = c.crossed.iter().find(|x| x.sub == k);
+                    (self.field.sides(k, c.cells[k]).0, here.map_or(0, |x| x.departs))
+                }
+                Owner::Weight(k) => {
+                    let first = c.depends.weight(self.field.first_cell(k));
+                    c.strike_out(first);
+                    c.strike_out(first + 1);
+                    if c.cells[k] == SLIDES {
+                        self.look_for_end(c, k, (t, t1));
+                    }
+                    continue;
                 }
                 _ => continue,
             };
@@ -519,15 +716,15 @@ impl Engine {
         }
     }
 
-    /// The next time between `from` and `to` at which `sign` times the function in place `q` falls through zero, and its rate there. Where it
-    /// `departs` it is zero at `from`.
+    /// The next time between `from` and `to` at which `sign` times the function in place `q` falls through zero, and its rate there. At `from` it has a zero
+    /// of the order `departs`.
     fn next_zero(
         &self,
         c: &mut UnitEvents,
         q: usize,
         sign: f64,
         (from, to): (f64, f64),
-        departs: bool,
+        departs: usize,
     ) -> Option<(f64, f64)> {
         let (g, s) = (self.field.gradients.row(&self.functions.dq0, q), &self.stepper.step);
         let mut times = std::mem::take(&mut c.times);
@@ -548,9 +745,9 @@ impl Engine {
             }
             let whole = p;
             let mut degree = p.len() - 1;
-            if departs && n == 0 {
+            for _ in 0..if n == 0 { departs } else { 0 } {
                 p.rotate_left(1);
-                (p[degree], degree) = (0.0, degree - 1);
+                (p[7], degree) = (0.0, degree - 1);
             }
             let b = bernstein::of_powers(&p, degree);
             if let First::Zero(at) = bernstein::first(&b[..=degree]) {
@@ -565,6 +762,9 @@ impl Engine {
 
     /// Ends the step, which reaches to `t1`, at time `t`, behind the events so far. False where the system is not defined there.
     fn end_units(&mut self, c: &mut UnitEvents, t: f64, t1: f64) -> Result<bool> {
+        if self.notes.is_some() {
+            self.note_within(t, Some(c))?;
+        }
         for i in 0..self.nx {
             if t < t1 || c.tracks.is_touched(i) {
                 self.stepper.step.x1[i] = c.tracks.value(&self.stepper.step, i, t);
@@ -595,9 +795,18 @@ impl Engine {
         self.t = t;
         self.x.copy_from_slice(&self.stepper.step.x1);
         let mut sets = self.field.active.clone();
-        for (set, &cell) in sets.iter_mut().zip(&c.cells) {
-            if let [own] = &mut set[..] {
-                *own = cell;
+        for (k, (set, &cell)) in sets.iter_mut().zip(&c.cells).enumerate() {
+            match cell {
+                SLIDES if set.len() == 1 => {
+                    let first = self.field.first_cell(k);
+                    (*set).clear();
+                    set.extend([first, first + 1]);
+                }
+                SLIDES => {}
+                own => {
+                    set.clear();
+                    set.push(own);
+                }
             }
         }
         self.field.set_active(&sets);
@@ -605,4 +814,9 @@ impl Engine {
         self.note_end(false);
         recover(self.enter().and_then(|()| self.make_held()).map(|()| true), false)
     }
+}
+
+/// Might a weight vanish that was between these values at some points?
+fn may_vanish(lo: f64, hi: f64) -> bool {
+    lo <= 0.5 * (hi - lo) + 1e-3 * hi
 }
