@@ -108,7 +108,7 @@ const FAMILIES: [Family; 6] = [
     ("neurons in a ring", 10_000, |n| neurons(n, |i| vec![(i + 1) % n, (i + n - 1) % n])),
     ("neurons, ten each", 10_000, |n| neurons(n, |i| (1..11).map(|k| (i * 7 + k * k * 131) % n).collect())),
     ("neurons, all to one", 3000, |n| neurons(n, |_| vec![0])),
-    ("relays in a row", 300, relays),
+    ("relays in a row", 3000, relays),
 ];
 
 /// Numbers of units.

@@ -41,7 +41,7 @@ const HARDLY: f64 = 0.1;
 pub(super) enum Followed {
     /// Not at all: the step is as it was.
     Not,
-    /// The dense output, which events are located on, is off by so many tolerances.
+    /// The dense output, which events are located on, is off by so much of what it may.
     Coarse(f64),
     To(Progress),
 }
@@ -62,7 +62,7 @@ impl Engine {
         if !self.goes_by_units() || self.calendar.units.is_none() {
             return Ok(Followed::Not);
         }
-        let e = self.error_inside()?;
+        let e = self.error_inside()? / ACCURATE;
         // NaN is coarse
         if !(e <= 1.0) {
             return Ok(Followed::Coarse(e));
@@ -533,7 +533,8 @@ impl Engine {
             good = good && explicit::dense(pair, &mut units, step).is_ok();
             let mut err = err;
             if good {
-                err = err.max(explicit::error_inside(&mut units, step, weights).unwrap_or(f64::NAN));
+                // what is off by more than what counts as felt is felt by all states, one after the other
+                err = err.max(explicit::error_inside(&mut units, step, weights).unwrap_or(f64::NAN) / ACCURATE);
                 good = err <= 1.0;
             }
             if !good {
