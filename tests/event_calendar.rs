@@ -299,6 +299,39 @@ fn surfaces_of_several_states() {
     }
 }
 
+/// Oscillators in a row, stiffer on the way back, that lose speed where they have too much energy: neither surfaces nor guards are straight.
+#[test]
+fn functions_that_bend() {
+    let g = Graph::new();
+    let n = 20;
+    let (x, v) = (|i: usize| g.x(i), |i: usize| g.x(n + i));
+    let mut rhs: Vec<Expr> = (0..n).map(v).collect();
+    for i in 0..n {
+        let stiffness = 1.5 + part(i, 1) - 0.5 * (x(i) * v(i)).sign();
+        rhs.push(0.05 * (x((i + 1) % n) + x((i + n - 1) % n)) + 0.2 * v(i) - stiffness * x(i));
+    }
+    let mut m = Model::from_rhs("oscillators", 0, 0, &rhs).unwrap();
+    for i in 0..n {
+        // one of two is straight
+        let guard = if i % 2 == 0 { x(i) * x(i) + v(i) * v(i) - 1.2 } else { v(i) - 1.1 };
+        m.add_transition(Transition {
+            guard: guard.id(),
+            direction: Rising,
+            from: vec![],
+            reset: vec![(n + i, (0.5 * v(i)).id())],
+            to: vec![],
+            rule: Rule::default(),
+        });
+    }
+    let system = m.build(&g).unwrap().system;
+    let x0: Vec<f64> = (0..2 * n).map(|i| 1.2 * part(i, 2) - 0.6).collect();
+    let runs = both(&system, &x0, 12.0);
+    assert!(runs[0].stats.jumps > 50 && runs[0].stats.switches > 100, "{:?}", runs[0].stats);
+    assert!(runs[0].stats.steps < runs[1].stats.steps / 2, "{} {}", runs[0].stats.steps, runs[1].stats.steps);
+    assert_eq!(switches(&runs[0]), switches(&runs[1]));
+    agree(&runs, 2.0);
+}
+
 /// Notes on what single units do: on their states, which jump or have kinks within a step, and under their discrete states.
 #[test]
 fn notes_on_units() {

@@ -7,6 +7,7 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
+use super::bernstein::Sampler;
 use super::explicit::Flow;
 use super::field::{Depends, Field, Moving};
 #[cfg(doc)]
@@ -317,6 +318,10 @@ pub(super) struct UnitEvents {
     pub(super) crossed: Vec<Crossing>,
     /// States that a weight depends on.
     pub(super) inputs: Vec<u32>,
+    /// Where not all gradients are constant: those of functions, where they were looked at last, at a point of which few states are known.
+    pub(super) dq: Vec<f64>,
+    pub(super) point: Vec<f64>,
+    pub(super) sampler: Sampler,
     /// Sources to be looked at again.
     asked: Vec<u32>,
     seen: Vec<bool>,
@@ -355,6 +360,9 @@ impl UnitEvents {
             fired: Vec::new(),
             crossed: Vec::new(),
             inputs: Vec::new(),
+            dq: if field.constant_gradients() { Vec::new() } else { vec![0.0; field.dq.len()] },
+            point: vec![0.0; nx],
+            sampler: Sampler::new(),
             asked: Vec::new(),
             seen: vec![false; n],
             values: Vec::new(),

@@ -178,6 +178,8 @@ pub(super) struct Field {
     dq_constant: bool,
     dq_known: bool,
     guards_known: bool,
+    /// Single units know the gradients that are constant.
+    straight_known: bool,
     /// `b`.
     base: Vec<f64>,
     /// `D`, and the rows of `C`, scaled.
@@ -322,6 +324,7 @@ impl Field {
             gradients,
             dq_known: false,
             guards_known: false,
+            straight_known: false,
             base: vec![0.0; nx],
             sliding: Sliding::new(rows, columns, (nx, n_z)),
             rows_known: false,
@@ -384,6 +387,7 @@ impl Field {
         self.rows_known = false;
         self.dq_known = false;
         self.guards_known = false;
+        self.straight_known = false;
         self.guards.forget();
         if let Some(c) = &mut self.contacts {
             c.forget();

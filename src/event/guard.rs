@@ -40,6 +40,11 @@ pub(super) struct Guards {
 }
 
 impl Guard {
+    /// Writes its gradients to their places among all.
+    pub(super) fn gradient(&self, at: &Point, dq: &mut [f64], room: (&mut [f64], &mut [f64])) -> EvalResult {
+        scatter(&self.transition.guard, at, &self.to_dq, dq, room)
+    }
+
     /// Places of its outputs among the indicator functions.
     pub(super) fn places(&self) -> std::ops::Range<usize> {
         self.q..self.q + self.n
@@ -187,13 +192,13 @@ impl Guards {
         if constant {
             // those of other discrete states, too: they may be watched within a step
             for g in self.all.iter_mut().filter(|g| !g.known) {
-                scatter(&g.transition.guard, at, &g.to_dq, dq, (&mut *room.0, &mut *room.1))?;
+                g.gradient(at, dq, (&mut *room.0, &mut *room.1))?;
                 g.known = true;
             }
             return Ok(());
         }
         for g in self.armed.iter().map(|&i| &self.all[i]) {
-            scatter(&g.transition.guard, at, &g.to_dq, dq, (&mut *room.0, &mut *room.1))?;
+            g.gradient(at, dq, (&mut *room.0, &mut *room.1))?;
         }
         Ok(())
     }

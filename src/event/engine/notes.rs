@@ -73,7 +73,7 @@ struct Window<'a> {
 }
 
 /// A function along a window: relative time to its value.
-type Along<'a> = dyn FnMut(f64) -> std::result::Result<f64, EvalError> + 'a;
+pub(super) type Along<'a> = dyn FnMut(f64) -> std::result::Result<f64, EvalError> + 'a;
 
 impl Notes {
     /// Those of a system; none where it has none.
@@ -481,7 +481,7 @@ fn is_watched(notes: &Notes, k: usize) -> bool {
 
 /// Calls `found` with all relative times at which a function passes zero, and whether it rises there. It begins on the side that `begins.0`
 /// says, and `begins.1` says whether it is zero there.
-fn find_zeros(
+pub(super) fn find_zeros(
     sampler: &Sampler,
     value: &mut Along,
     begins: (bool, bool),

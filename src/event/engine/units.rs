@@ -15,13 +15,15 @@
 
 use super::accumulation::rest_of_series;
 use super::control::ACCURATE;
+use super::notes::find_zeros;
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
 use crate::event::bernstein::{self, First, NODES};
 use crate::event::calendar::{Crossing, Entry, UnitEvents, Units};
 use crate::event::explicit::{self, Flow, Pair};
-use crate::event::field::{Owner, SLIDES};
+use crate::event::field::{Owner, Row, SLIDES};
 use crate::event::step::{derivative, Poly};
+use crate::func::EvalError;
 use crate::event::{Jump, Kind, Outcome, Switch};
 
 /// The part of all states that may be integrated anew for one event: else the step of all of them ends there.
@@ -54,7 +56,6 @@ impl Engine {
             && self.derivatives.sens.is_none()
             && self.derivatives.tape.is_none()
             && !self.field.in_limit_set()
-            && self.field.constant_gradients()
     }
 
     /// Follows what happens in the step to its end `t1`, unit by unit; `grown` is the length of the next one.
@@ -109,6 +110,7 @@ impl Engine {
         c.cells.clear();
         c.cells.extend(self.field.active.iter().map(|set| if let [cell] = set[..] { cell } else { SLIDES }));
         self.field.mark_tied(&c.depends, &c.cells, &mut c.tied);
+        self.look_at_straight(c);
         for n in 0..self.functions.zeros.len() {
             let (l, s, slope) = self.functions.zeros[n];
             let (source, at) = (self.source(&self.functions.watches[l]), t + s * h);
@@ -137,9 +139,9 @@ impl Engine {
         let history = self.calendar.recent.of(e.source);
         let repeats = history.back(0).is_some_and(|last| e.t - last <= 64.0 * EPS * e.t.abs());
         let shrinks = history.gaps().is_some_and(|g| rest_of_series(&g).is_some());
-        // NaN is slow
         // weights are between 0 and 1
         let size = if let Owner::Weight(_) = owner { 1.0 } else { self.sizes_at(c, e.source, e.t).1 };
+        // NaN is slow
         let clear = -e.rate * self.stepper.step.h > SLOW * size;
         let level = self.functions.levels.get(e.source).is_some_and(|l| *l > 0.0);
         if repeats || shrinks || !clear || level {
@@ -165,15 +167,70 @@ impl Engine {
         true
     }
 
-    /// Value of the function in place `q`, whose gradient is constant.
-    fn value_at(&self, c: &UnitEvents, q: usize, t: f64) -> f64 {
-        let (g, s) = (self.field.gradients.row(&self.functions.dq0, q), &self.stepper.step);
+    /// The gradient of the function in place `q`: where it is not constant, where it was looked at last.
+    fn gradient<'a>(&'a self, c: &'a UnitEvents, q: usize) -> Row<'a> {
+        let own = if self.field.constant_gradients() { &self.functions.dq0 } else { &c.dq };
+        self.field.gradients.row(own, q)
+    }
+
+    /// Looks at the gradients that are constant, where others are not.
+    fn look_at_straight(&mut self, c: &mut UnitEvents) {
+        if self.field.constant_gradients() || self.field.knows_straight() {
+            return;
+        }
+        let s = &self.stepper.step;
+        c.point.copy_from_slice(&s.x0);
+        let straight = (0..c.depends.places).filter(|q| !c.depends.bent[*q]);
+        let mut known = true;
+        for q in straight.filter(|q| c.depends.owner[*q] != Owner::Other) {
+            known &= self.field.gradient_by_parts(c.depends.owner[q], s.t, &c.point, &mut c.dq);
+        }
+        self.field.note_straight(known);
+    }
+
+    /// Looks at the gradient of the function in place `q` at the present event. False where it is not defined.
+    fn look_at_gradient(&mut self, c: &mut UnitEvents, q: usize, t: f64) -> bool {
+        if !c.depends.bent[q] {
+            return true;
+        }
+        for &i in self.field.gradients.states_of(q) {
+            c.point[i] = c.value(&self.stepper.step, i, t);
+        }
+        self.field.gradient_by_parts(c.depends.owner[q], t, &c.point, &mut c.dq)
+    }
+
+    /// Value of the function in place `q` at the present event; NaN where it is not defined.
+    fn value_at(&mut self, c: &UnitEvents, q: usize, t: f64) -> f64 {
+        let s = &self.stepper.step;
+        if c.depends.bent[q] {
+            self.field.set_time_of_parts(t);
+            for n in 0..self.field.gradients.states_of(q).len() {
+                let i = self.field.gradients.states_of(q)[n];
+                self.field.set_state_of_parts(i, c.value(s, i, t));
+            }
+            return self.field.watched_by_parts(c.depends.owner[q]);
+        }
+        let g = self.gradient(c, q);
         self.functions.q0[q] + g.states().map(|(i, g)| g * (c.value(s, i, t) - s.x0[i])).sum::<f64>() + g.t * (t - s.t)
     }
 
-    /// Size of the terms of its value, and what it changes by when all states change by their size.
-    fn sizes_at(&self, c: &UnitEvents, q: usize, t: f64) -> (f64, f64) {
-        let g = self.field.gradients.row(&self.functions.dq0, q);
+    /// Value of a function whose gradient is not constant, on the way.
+    fn value_on_the_way(&mut self, c: &UnitEvents, q: usize, t: f64) -> f64 {
+        self.field.set_time_of_parts(t);
+        for n in 0..self.field.gradients.states_of(q).len() {
+            let i = self.field.gradients.states_of(q)[n];
+            self.field.set_state_of_parts(i, c.tracks.value(&self.stepper.step, i, t));
+        }
+        self.field.watched_by_parts(c.depends.owner[q])
+    }
+
+    /// Size of the terms of its value at the present event, and what it changes by when all states change by their size; NaN where its gradient is not
+    /// defined.
+    fn sizes_at(&mut self, c: &mut UnitEvents, q: usize, t: f64) -> (f64, f64) {
+        if !self.look_at_gradient(c, q, t) {
+            return (f64::NAN, f64::NAN);
+        }
+        let g = self.gradient(c, q);
         let reach: f64 = g.states().map(|(i, g)| g.abs() * self.field.size(i, c.value(&self.stepper.step, i, t))).sum();
         (reach + (g.t * t).abs(), reach + (g.t * self.stepper.step.h).abs())
     }
@@ -201,7 +258,8 @@ impl Engine {
                 let value = -self.field.guards.all[h].transition.direction.sign() * self.value_at(c, q, t);
                 let rounding = 64.0 * EPS * self.sizes_at(c, q, t).0;
                 let plain = !self.field.guards.all[h].spent && self.functions.levels[q] == 0.0;
-                if !plain || value.is_nan() || value.abs() <= rounding {
+                // NaN is not plain
+                if !plain || !(value.abs() > rounding) {
                     return false;
                 }
                 next = (value < 0.0).then_some(h);
@@ -218,7 +276,8 @@ impl Engine {
                 }
                 let (inside, other) = self.field.sides(k, c.cells[k]);
                 let value = inside * self.value_at(c, q, t);
-                if value.is_nan() || value.abs() <= 64.0 * EPS * self.sizes_at(c, q, t).0 {
+                // NaN is not plain
+                if !(value.abs() > 64.0 * EPS * self.sizes_at(c, q, t).0) {
                     return false;
                 }
                 if value < 0.0 && c.crossed.iter().all(|x| x.sub != k) {
@@ -284,8 +343,7 @@ impl Engine {
     /// Does the motion cross the surface of subsystem `k`, which leads from its present cell to the other one, or slide on it, by itself?
     fn crosses(&mut self, c: &mut UnitEvents, k: usize, e: Entry) -> bool {
         let (inside, other) = self.field.sides(k, c.cells[k]);
-        let states: Vec<u32> =
-            self.field.gradients.row(&self.functions.dq0, e.source).states().map(|s| s.0 as u32).collect();
+        let states: Vec<u32> = self.gradient(c, e.source).states().map(|s| s.0 as u32).collect();
         if states.iter().any(|i| c.tied[*i as usize]) {
             return false;
         }
@@ -299,14 +357,14 @@ impl Engine {
         c.cells[k] = before;
         let velocity = &c.step.f1;
         // the group has its states in the order of the gradient
-        let g = self.field.gradients.row(&self.functions.dq0, e.source);
+        let g = self.gradient(c, e.source);
         let terms = || g.values.iter().zip(velocity).map(|(g, v)| g * v).chain([g.t]);
         let (rate, size) = (inside * terms().sum::<f64>(), terms().map(f64::abs).sum::<f64>());
         if !known || rate.is_nan() || rate.abs() <= CLEAR * size {
             return false;
         }
         let slides = rate > 0.0;
-        if slides && self.field.slides_with_others(k, &c.cells) {
+        if slides && (c.depends.bent[e.source] || self.field.slides_with_others(k, &c.cells)) {
             return false;
         }
         let (cell, departs) = if slides { (SLIDES, 0) } else { (other, 1) };
@@ -343,11 +401,39 @@ impl Engine {
 
     /// Time of a zero of a weight that an interpolation has found, between `from` and `to`; of what else may vanish it is known already.
     fn sharpened(&mut self, c: &mut UnitEvents, source: usize, zero: (f64, f64), (from, to): (f64, f64)) -> f64 {
-        let Owner::Weight(k) = c.depends.owner[source] else { return zero.0 };
+        let k = match c.depends.owner[source] {
+            Owner::Weight(k) => k,
+            Owner::Other => return zero.0,
+            _ if c.depends.bent[source] => return self.sharpen_bent(c, source, zero, (from, to)).unwrap_or(zero.0),
+            _ => return zero.0,
+        };
         let second = source != c.depends.weight(self.field.first_cell(k));
         self.field.list_weight(k, (&c.depends, &c.cells), &mut c.moving);
         c.list_inputs(k);
         self.sharpen_weight(c, second, zero, (from, to)).unwrap_or(zero.0)
+    }
+
+    /// The same of a function whose gradient is not constant, where its rate is known but for its sign.
+    fn sharpen_bent(
+        &mut self,
+        c: &UnitEvents,
+        q: usize,
+        (mut t, rate): (f64, f64),
+        (from, to): (f64, f64),
+    ) -> Option<f64> {
+        let size = 1e-3 * (to - from);
+        let (near, beside) = (self.value_on_the_way(c, q, t), self.value_on_the_way(c, q, (t - size).max(from)));
+        // it falls, as it is watched
+        let slope = if beside > near { rate } else { -rate };
+        for _ in 0..4 {
+            let delta = -self.value_on_the_way(c, q, t) / slope;
+            // NaN is no zero
+            if !(delta.abs() <= size) {
+                return None;
+            }
+            t = (t + delta).clamp(from, to);
+        }
+        Some(t)
     }
 
     /// The same of the weight of the second cell, or of the first, of the subsystem that is listed.
@@ -641,8 +727,7 @@ impl Engine {
                 (_, after) => {
                     let q = self.field.surfaces(sub).start;
                     let speed = self.stepper.step.f0.iter().map(|v| v * v).sum::<f64>().sqrt();
-                    let gradient = self.field.gradients.row(&self.functions.dq0, q);
-                    let steepness = gradient.states().map(|s| s.1 * s.1).sum::<f64>().sqrt();
+                    let steepness = self.gradient(c, q).states().map(|s| s.1 * s.1).sum::<f64>().sqrt();
                     (if after == SLIDES { Kind::Enter } else { Kind::Cross }, rate / (steepness * speed))
                 }
             };
@@ -720,20 +805,25 @@ impl Engine {
     /// The next time between `from` and `to` at which `sign` times the function in place `q` falls through zero, and its rate there. At `from` it has a zero
     /// of the order `departs`.
     fn next_zero(
-        &self,
+        &mut self,
         c: &mut UnitEvents,
         q: usize,
         sign: f64,
         (from, to): (f64, f64),
         departs: usize,
     ) -> Option<(f64, f64)> {
-        let (g, s) = (self.field.gradients.row(&self.functions.dq0, q), &self.stepper.step);
         let mut times = std::mem::take(&mut c.times);
         times.clear();
         times.extend([from, to]);
-        g.states().for_each(|(i, _)| c.tracks.breaks(i, from, &mut times));
+        self.field.gradients.states_of(q).iter().for_each(|i| c.tracks.breaks(*i, from, &mut times));
         times.sort_unstable_by(f64::total_cmp);
         times.dedup();
+        if c.depends.bent[q] {
+            let found = self.next_zero_of_bent(c, q, sign, &times, departs);
+            c.times = times;
+            return found;
+        }
+        let (g, s) = (self.gradient(c, q), &self.stepper.step);
         let mut found = None;
         for (n, w) in times.windows(2).enumerate() {
             let mut p = Poly::default();
@@ -759,6 +849,48 @@ impl Engine {
         }
         c.times = times;
         found
+    }
+
+    /// The same of a function whose gradient is not constant, between times at which a state that it depends on goes its own way. Where it is not defined the
+    /// zero is at the first of them, and its rate is not known.
+    fn next_zero_of_bent(
+        &mut self,
+        c: &mut UnitEvents,
+        q: usize,
+        sign: f64,
+        times: &[f64],
+        departs: usize,
+    ) -> Option<(f64, f64)> {
+        let unknown = Some((times[0], f64::NAN));
+        for (n, w) in times.windows(2).enumerate() {
+            let h = w[1] - w[0];
+            let mut value = |s: f64| match sign * self.value_on_the_way(c, q, w[0] + s * h) {
+                v if v.is_finite() => Ok(v),
+                _ => Err(EvalError::Recoverable),
+            };
+            let begins = n == 0 && departs > 0;
+            if !begins && value(0.0).is_ok_and(|v| v <= 0.0) {
+                return Some((w[0], f64::NAN));
+            }
+            let mut first = None;
+            let known = find_zeros(&c.sampler, &mut value, (true, begins), &mut |s, rises| {
+                first = first.or((!rises).then_some(w[0] + s * h));
+            });
+            if known.is_err() {
+                return unknown;
+            }
+            let Some(t) = first else { continue };
+            for &i in self.field.gradients.states_of(q) {
+                c.point[i] = c.tracks.value(&self.stepper.step, i, t);
+            }
+            if !self.field.gradient_by_parts(c.depends.owner[q], t, &c.point, &mut c.dq) {
+                return unknown;
+            }
+            let g = self.gradient(c, q);
+            let along = g.states().map(|(i, g)| g * c.tracks.derivative(&self.stepper.step, i, 1, t)).sum::<f64>();
+            return Some((t, sign * (along + g.t)));
+        }
+        None
     }
 
     /// Ends the step, which reaches to `t1`, at time `t`, behind the events so far. False where the system is not defined there.

@@ -38,6 +38,9 @@ pub(super) struct Bundled {
     /// Guards and resets are among the parts, and which parts the resets are.
     with_transitions: bool,
     resets: Vec<Option<usize>>,
+    /// Those that the indicators of the first subsystem are, and the guard of every transition.
+    first_indicator: usize,
+    of_guards: Vec<Option<usize>>,
     /// Room for the values of parts.
     room: Vec<f64>,
 }
@@ -102,6 +105,8 @@ impl Bundled {
             guards: PartList::default(),
             with_transitions,
             resets,
+            first_indicator: indicators,
+            of_guards: Vec::new(),
             program,
         };
         b.list_drifts(singles, drifts);
@@ -110,6 +115,9 @@ impl Bundled {
         let known = guards.all.iter().filter(|g| g.n > 0).enumerate().filter(|_| with_transitions);
         let mut all = known.map(|(i, g)| (first_guard + i, g.q));
         b.program.list(&mut all, &mut b.guards);
+        let mut part = first_guard..;
+        let watched = guards.all.iter().map(|g| if g.n > 0 { part.next() } else { None });
+        b.of_guards = watched.filter(|_| with_transitions).collect();
         Some(b)
     }
 
@@ -187,6 +195,25 @@ impl Bundled {
     #[inline]
     pub(super) fn evaluate_part(&mut self, part: usize, out: &mut [f64]) -> bool {
         self.program.evaluate(part, out)
+    }
+
+    /// The first indicator of subsystem `k`; NaN where it is not finite.
+    pub(super) fn evaluate_indicator(&mut self, k: usize) -> f64 {
+        self.evaluate_one(self.first_indicator + k)
+    }
+
+    /// The guard of transition `g`, of one output; NaN where it is not finite.
+    pub(super) fn evaluate_guard(&mut self, g: usize) -> f64 {
+        self.of_guards[g].map_or(f64::NAN, |part| self.evaluate_one(part))
+    }
+
+    fn evaluate_one(&mut self, part: usize) -> f64 {
+        let mut v = [0.0];
+        if self.program.evaluate(part, &mut v) {
+            v[0]
+        } else {
+            f64::NAN
+        }
     }
 
     /// Writes the states that the reset of transition `g` names; false where a value is not finite.

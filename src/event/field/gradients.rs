@@ -91,6 +91,12 @@ impl Gradients {
         (range.clone(), &self.columns[range])
     }
 
+    /// The states that function `j` depends on.
+    pub(in crate::event) fn states_of(&self, j: usize) -> &[usize] {
+        let from = self.begin[j];
+        &self.columns[from..from + self.states[j].0]
+    }
+
     /// Row `j` of the gradients with the entries `values`.
     #[inline]
     pub(in crate::event) fn row<'a>(&'a self, values: &'a [f64], j: usize) -> Row<'a> {

@@ -32,9 +32,9 @@ pub(in crate::event) const SLIDES: usize = usize::MAX;
 /// What a source of switches belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::event) enum Owner {
-    /// The guard of a transition; its gradient is constant.
+    /// The guard of a transition, of one output.
     Guard(usize),
-    /// The only switching function, with a constant gradient, of a subsystem of two modes.
+    /// The only switching function of a subsystem of two modes.
     Surface(usize),
     /// The weight of a cell of such a subsystem.
     Weight(usize),
@@ -64,6 +64,8 @@ pub(in crate::event) struct Depends {
     pub(in crate::event) owner: Vec<Owner>,
     /// Number of places.
     pub(in crate::event) places: usize,
+    /// Of every place whether the gradient is not constant. On such a surface nothing slides by itself.
+    pub(in crate::event) bent: Vec<bool>,
 }
 
 impl Depends {
@@ -112,6 +114,11 @@ impl Depends {
     /// Does the surface of subsystem `k` hold the only state still that it drives?
     fn holds(&self, k: usize) -> bool {
         matches!((self.columns.of(k), self.drives.of(k)), ([c], [r]) if c == r)
+    }
+
+    /// May subsystem `k` slide by itself, whose first function has the place `q`?
+    pub(in crate::event) fn may_slide(&self, k: usize, q: usize) -> bool {
+        self.owner[q] == Owner::Surface(k) && !self.bent[q]
     }
 
     /// The source of the weight of a cell.
@@ -203,16 +210,19 @@ impl Field {
             let all = (s.q0..s.q0 + s.n_q).flat_map(|q| self.gradients.entries(q).1);
             all.filter(|c| **c < nx).map(|c| (number(k), number(*c))).collect()
         };
+        let mut bent = vec![false; n_q];
         let mut owner = vec![Owner::Other; n_q + self.n_cells];
         for (k, s) in self.subs.iter().enumerate() {
-            let two = s.signs && s.n_q == 1 && s.affine && s.cells.len() == 2 && s.cells[0].mode != s.cells[1].mode;
+            let two = s.signs && s.n_q == 1 && s.cells.len() == 2 && s.cells[0].mode != s.cells[1].mode;
             if two && s.cells.iter().all(|c| c.weights[0] != 0.0) {
                 owner[s.q0] = Owner::Surface(k);
                 owner[n_q + s.first..n_q + s.first + 2].fill(Owner::Weight(k));
+                bent[s.q0] = !s.affine;
             }
         }
-        let plain = |g: &(usize, &super::super::guard::Guard)| g.1.affine && g.1.transition.is_plain();
-        self.guards.all.iter().enumerate().filter(plain).for_each(|(i, g)| owner[g.q] = Owner::Guard(i));
+        for (i, g) in self.guards.all.iter().enumerate().filter(|(_, g)| g.transition.is_plain()) {
+            (owner[g.q], bent[g.q]) = (Owner::Guard(i), !g.affine);
+        }
         let pairs = |all: &mut dyn Iterator<Item = (usize, usize)>| all.map(|(a, b)| (number(a), number(b))).collect();
         Some(Depends {
             reads: Lists::new(nx, pairs(&mut reads())),
@@ -228,6 +238,7 @@ impl Field {
             ),
             owner,
             places: n_q,
+            bent,
         })
     }
 
@@ -253,7 +264,7 @@ impl Field {
     pub(in crate::event) fn mark_tied(&self, depends: &Depends, cells: &[usize], tied: &mut [bool]) {
         tied.fill(false);
         for (k, s) in self.subs.iter().enumerate().filter(|(k, _)| cells[*k] == SLIDES) {
-            if depends.owner[s.q0] == Owner::Surface(k) && !self.slides_with_others(k, cells) {
+            if depends.may_slide(k, s.q0) && !self.slides_with_others(k, cells) {
                 continue;
             }
             depends.drives.of(k).iter().chain(depends.columns.of(k)).for_each(|i| tied[*i as usize] = true);
@@ -280,6 +291,40 @@ impl Field {
     pub(in crate::event) fn set_time_of_parts(&mut self, t: f64) {
         let time = self.n_z - 1;
         self.set_state_of_parts(time, t);
+    }
+
+    /// Value of the function that belongs to `owner`, at the point where the states are that it depends on; NaN where it is not finite.
+    pub(in crate::event) fn watched_by_parts(&mut self, owner: Owner) -> f64 {
+        let Some(b) = &mut self.bundle else { return f64::NAN };
+        match owner {
+            Owner::Guard(g) => b.evaluate_guard(g),
+            Owner::Surface(k) => b.evaluate_indicator(k),
+            _ => f64::NAN,
+        }
+    }
+
+    /// Are the gradients known that are constant, of single units?
+    pub(in crate::event) fn knows_straight(&self) -> bool {
+        self.straight_known
+    }
+
+    /// They are, until parameters or controls change.
+    pub(in crate::event) fn note_straight(&mut self, known: bool) {
+        self.straight_known = known;
+    }
+
+    /// Writes the gradient of this function at a point of which those states are known.
+    pub(in crate::event) fn gradient_by_parts(&mut self, owner: Owner, t: f64, x: &[f64], out: &mut [f64]) -> bool {
+        let at = crate::func::Point { t, x, u: &self.u, p: &self.p };
+        let room = (&mut self.buffer[..], &mut self.work[..]);
+        match owner {
+            Owner::Guard(g) => self.guards.all[g].gradient(&at, out, room).is_ok(),
+            Owner::Surface(k) => {
+                let s = &self.subs[k];
+                super::scatter(&s.indicators, &at, &s.to_dq, out, room).is_ok()
+            }
+            _ => false,
+        }
     }
 
     /// Lists the parts that move these states, whose places among them `place` says, under the cells `cells` of the subsystems.
@@ -334,7 +379,7 @@ impl Field {
     ) {
         let s = &self.subs[k];
         let Some(b) = &self.bundle else { return };
-        if depends.owner[s.q0] != Owner::Surface(k) {
+        if !depends.may_slide(k, s.q0) {
             to.mixed = true;
             return;
         }
