@@ -1,6 +1,6 @@
 /* Chains of blocks with friction and rows of rooms with thermostats by CVODE (Adams), a rod with one thermostat by CVODE (BDF,
  * banded), with the logic of modes that a user writes: sliding_scaling.py compiles and runs this. Arguments: chain, rooms or
- * rod, their number or that of its nodes, the longest step. */
+ * rod, their number or that of its nodes, the longest step, the relative tolerance. */
 #include <cvode/cvode.h>
 #include <math.h>
 #include <nvector/nvector_serial.h>
@@ -163,7 +163,7 @@ static void start(struct model *m, double *x)
 }
 
 /* Switches until the end, negative on failure. */
-static int run(struct model *m, double h_max, double end, double *sum)
+static int run(struct model *m, double rtol, double h_max, double end, double *sum)
 {
     const int n = m->n, nx = m->nodes ? m->nodes : m->rooms ? n : 2 * n;
     int switches = 0, *found = malloc((size_t)n * sizeof *found);
@@ -178,7 +178,7 @@ static int run(struct model *m, double h_max, double end, double *sum)
     SUNNonlinearSolver solver = m->nodes ? NULL : SUNNonlinSol_FixedPoint(y, 0, context);
     SUNMatrix band = m->nodes ? SUNBandMatrix(nx, 1, 1, context) : NULL;
     SUNLinearSolver linear = m->nodes ? SUNLinSol_Band(y, band, context) : NULL;
-    int bad = CVodeInit(memory, m->nodes ? rod_rhs : rhs, 0, y) || CVodeSStolerances(memory, 1e-6, 1e-8) ||
+    int bad = CVodeInit(memory, m->nodes ? rod_rhs : rhs, 0, y) || CVodeSStolerances(memory, rtol, 0.01 * rtol) ||
               CVodeSetUserData(memory, m) || CVodeRootInit(memory, n, m->nodes ? rod_root : root) ||
               CVodeSetMaxNumSteps(memory, 10000000) || CVodeSetMaxStep(memory, h_max) ||
               (m->nodes ? CVodeSetLinearSolver(memory, linear, band) : CVodeSetNonlinearSolver(memory, solver)) ||
@@ -217,7 +217,7 @@ static int run(struct model *m, double h_max, double end, double *sum)
 
 int main(int count, char **values)
 {
-    if (count != 4)
+    if (count != 5)
         return 2;
     const int n = atoi(values[2]);
     const int rod = strcmp(values[1], "rod") == 0;
@@ -229,7 +229,7 @@ int main(int count, char **values)
         return 2;
     for (int i = 0; i < 5; i++) {
         const clock_t clock_before = clock();
-        switches = run(&m, atof(values[3]), m.nodes ? 12 : m.rooms ? 6 : 8, &sum);
+        switches = run(&m, atof(values[4]), atof(values[3]), m.nodes ? 12 : m.rooms ? 6 : 8, &sum);
         best = fmin(best, (double)(clock() - clock_before) / CLOCKS_PER_SEC);
         if (switches < 0)
             return 1;

@@ -2,10 +2,10 @@
 one thermostat, beside CVODE.
 
 CVODE (Adams; for the rod BDF with a banded Jacobian) has the modes written by hand in C (sliding_scaling.c) and steps short
-enough to find all switches; the engine has the model as expressions. Tolerance 1e-6; the shortest CPU time of several rounds of
+enough to find all switches; the engine has the model as expressions, the same tolerance; the shortest CPU time of several rounds of
 five runs, in turns, since a machine is faster at one time than at another.
 
-    python sliding_scaling.py [--sundials PREFIX] [--kinds chain,rooms,rod] [--sizes 3,10,30] [--rounds 6]
+    python sliding_scaling.py [--sundials PREFIX] [--kinds chain,rooms,rod] [--sizes 3,10,30] [--rounds 6] [--rtol 1e-6]
 """
 
 import argparse
@@ -91,6 +91,7 @@ def main():
     parser.add_argument("--kinds", default="chain,rooms,rod", help="which models, with commas; all by default")
     parser.add_argument("--sizes", help="numbers of surfaces, with commas; all by default")
     parser.add_argument("--rounds", type=int, default=6, help="how often the two take turns")
+    parser.add_argument("--rtol", type=float, default=1e-6, help="relative tolerance of both")
     arguments = parser.parse_args()
     prefix = arguments.sundials.resolve()
     library = next(prefix.rglob("libsundials_cvode.so*")).parent
@@ -106,8 +107,8 @@ def main():
             times = []
             for n in sizes:
                 model, start, end = MODELS[kind](n)
-                integrator = swb.Integrator(model, rtol=1e-6, atol=1e-8)
-                command = [peer, kind, str(n), str(LONGEST[kind])]
+                integrator = swb.Integrator(model, rtol=arguments.rtol, atol=0.01 * arguments.rtol)
+                command = [peer, kind, str(n), str(LONGEST[kind]), str(arguments.rtol)]
                 own = (math.inf,)
                 seconds = math.inf
                 for _ in range(arguments.rounds):
