@@ -337,7 +337,8 @@ fn functions_that_bend() {
 fn notes_on_units() {
     let g = Graph::new();
     let n = 30;
-    let rhs: Vec<Expr> = (0..n).map(|i| 1.05 + 0.3 * part(i, 0) - g.x(i)).chain((0..n).map(|_| g.constant(0.0))).collect();
+    let rhs: Vec<Expr> =
+        (0..n).map(|i| 1.05 + 0.3 * part(i, 0) - g.x(i)).chain((0..n).map(|_| g.constant(0.0))).collect();
     let mut m = Model::from_rhs("noted", 0, 0, &rhs).unwrap();
     m.set_discrete(&vec![0.0; n]).unwrap();
     for i in 0..n {

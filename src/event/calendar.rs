@@ -9,9 +9,9 @@ use std::collections::BinaryHeap;
 
 use super::bernstein::Sampler;
 use super::explicit::Flow;
-use super::field::{Depends, Field, Moving};
 #[cfg(doc)]
 use super::field::SLIDES;
+use super::field::{Depends, Field, Moving};
 use super::step::{derivative, horner, Poly, Step};
 use super::Jump;
 use crate::func::{EvalError, EvalResult};

@@ -387,7 +387,11 @@ pub(super) fn dense(pair: Pair, field: &mut impl Flow, s: &mut Step) -> EvalResu
 
 /// What the dense output of a step is off by inside, relative to the tolerances whose reciprocals are `weights`, by its defect at one point. It has values and velocities
 /// of both ends, so what it is off by goes with `s² (1 − s)²`: that is 1/16 at most, and its slope `√3 / 9`, at `s = (1 − 1/√3) / 2`.
-pub(super) fn error_inside(field: &mut impl Flow, s: &mut Step, weights: &[f64]) -> std::result::Result<f64, EvalError> {
+pub(super) fn error_inside(
+    field: &mut impl Flow,
+    s: &mut Step,
+    weights: &[f64],
+) -> std::result::Result<f64, EvalError> {
     /// Where the slope is steepest, and the largest value relative to it.
     const AT: f64 = 0.211_324_865_405_187_1;
     const SHARE: f64 = 0.324_759_526_419_164_5;

@@ -446,9 +446,7 @@ impl Engine {
                 let at = (t - own.t) / own.h;
                 s.implicit_to(&self.stepper.radau, &mut self.field, own, at).map(|()| true)
             }
-            _ if repeated || end.is_some() => {
-                s.explicit(self.stepper.pair, &mut self.field, step, rest).map(|()| true)
-            }
+            _ if repeated || end.is_some() => s.explicit(self.stepper.pair, &mut self.field, step, rest).map(|()| true),
             _ => Ok(false),
         };
         let dt = match r {

@@ -23,8 +23,8 @@ use crate::event::calendar::{Crossing, Entry, UnitEvents, Units};
 use crate::event::explicit::{self, Flow, Pair};
 use crate::event::field::{Owner, Row, SLIDES};
 use crate::event::step::{derivative, Poly};
-use crate::func::EvalError;
 use crate::event::{Jump, Kind, Outcome, Switch};
+use crate::func::EvalError;
 
 /// The part of all states that may be integrated anew for one event: else the step of all of them ends there.
 const PART: usize = 4;
@@ -64,8 +64,7 @@ impl Engine {
             return Ok(Followed::Not);
         }
         let e = self.error_inside()? / ACCURATE;
-        // NaN is coarse
-        if !(e <= 1.0) {
+        if e.is_nan() || e > 1.0 {
             return Ok(Followed::Coarse(e));
         }
         let Some(mut c) = self.calendar.units.take() else { return Ok(Followed::Not) };
@@ -258,8 +257,7 @@ impl Engine {
                 let value = -self.field.guards.all[h].transition.direction.sign() * self.value_at(c, q, t);
                 let rounding = 64.0 * EPS * self.sizes_at(c, q, t).0;
                 let plain = !self.field.guards.all[h].spent && self.functions.levels[q] == 0.0;
-                // NaN is not plain
-                if !plain || !(value.abs() > rounding) {
+                if !plain || rounding.is_nan() || value.is_nan() || value.abs() <= rounding {
                     return false;
                 }
                 next = (value < 0.0).then_some(h);
@@ -276,8 +274,8 @@ impl Engine {
                 }
                 let (inside, other) = self.field.sides(k, c.cells[k]);
                 let value = inside * self.value_at(c, q, t);
-                // NaN is not plain
-                if !(value.abs() > 64.0 * EPS * self.sizes_at(c, q, t).0) {
+                let rounding = 64.0 * EPS * self.sizes_at(c, q, t).0;
+                if rounding.is_nan() || value.is_nan() || value.abs() <= rounding {
                     return false;
                 }
                 if value < 0.0 && c.crossed.iter().all(|x| x.sub != k) {
@@ -427,8 +425,7 @@ impl Engine {
         let slope = if beside > near { rate } else { -rate };
         for _ in 0..4 {
             let delta = -self.value_on_the_way(c, q, t) / slope;
-            // NaN is no zero
-            if !(delta.abs() <= size) {
+            if delta.is_nan() || delta.abs() > size {
                 return None;
             }
             t = (t + delta).clamp(from, to);

@@ -96,7 +96,8 @@ impl Depends {
 
     /// The other states whose velocities depend on state `i`, but for those that their surface holds still.
     pub(in crate::event) fn each_reader(&self, i: usize, cells: &[usize], mut f: impl FnMut(u32)) {
-        let held = |j: u32| self.driven.of(j as usize).iter().any(|k| cells[*k as usize] == SLIDES && self.holds(*k as usize));
+        let held =
+            |j: u32| self.driven.of(j as usize).iter().any(|k| cells[*k as usize] == SLIDES && self.holds(*k as usize));
         self.readers.of(i).iter().filter(|j| !held(**j)).for_each(|j| f(*j));
         self.each_weight(i, cells, |k| {
             if !self.holds(k) {
@@ -161,8 +162,15 @@ pub(in crate::event) struct Moving {
 impl Moving {
     fn clear(&mut self) {
         let Moving { parts, adds, own, slides, rates, across, moved, weights, mixed, values } = self;
-        (parts.clear(), adds.clear(), own.clear(), slides.clear(), rates.clear());
-        (across.clear(), moved.clear(), weights.clear(), values.clear());
+        parts.clear();
+        adds.clear();
+        own.clear();
+        slides.clear();
+        rates.clear();
+        across.clear();
+        moved.clear();
+        weights.clear();
+        values.clear();
         *mixed = false;
     }
 
