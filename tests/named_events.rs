@@ -1,7 +1,7 @@
 //! Events by name: the end of a run, what is noted, joined conditions, edges, resets that switch, and tables of time.
 
 use switchback::document::{self, Document};
-use switchback::event::{Engine, Method, Options, Outcome, Run, Sensitivity, Term};
+use switchback::event::{Engine, Kind, Method, Options, Outcome, Run, Sensitivity, Term};
 use switchback::expr::{Cond, Expr, Graph, Piecewise};
 use switchback::model::{Built, Model, Transition};
 use switchback::system::Direction::{Falling, Rising};
@@ -182,6 +182,31 @@ fn a_note_has_the_accuracy_and_the_derivatives_of_a_transition() {
     assert!((jump.rate - noted.rate).abs() < 1e-7 && (noted.x[1] - a.x[1]).abs() < 1e-7);
     for (p, q) in jump.dt.iter().zip(&noted.dt) {
         assert!((p - q).abs() < 1e-6 * (1.0 + p.abs()), "{:?} {:?}", jump.dt, noted.dt);
+    }
+}
+
+/// In an implicit step the time of a note is one on the dense output, and so are its derivatives: in the first step of a run, which has the slope of its
+/// start, in others, and in a sliding mode.
+#[test]
+fn notes_in_implicit_steps_have_derivatives() {
+    let g = Graph::new();
+    let [x, y, p] = [g.x(0), g.x(1), g.p(0)];
+    let levels = [0.999, 0.9, 0.5, 0.2];
+    let notes = |of: Expr| levels.map(|l| note(&format!("{l}"), of.lt(l))).to_vec();
+    // decays by itself; and where the other state slides at 0.3
+    let b = built(&g, 2, 1, &[-(p * x), 3.0 * p - (y - 0.3).sign() - x.powi(2) * (y - 0.3).sign()], notes(x));
+    let mut o = options(1e-9, Method::Radau5);
+    o.sensitivity = Sensitivity::On;
+    let (x0, p) = (1.0f64, 0.3f64);
+    let r = run(&b, &o, &[x0, 1.0], &[p], 10.0);
+    assert_eq!(r.notes.len(), levels.len());
+    assert!(r.switches.iter().any(|s| s.kind == Kind::Enter));
+    for (n, level) in r.notes.iter().zip(levels) {
+        let t = (x0 / level).ln() / p;
+        assert!((n.t - t).abs() < 1e-7, "{level}: {}", n.t - t);
+        for (found, exact) in n.dt.iter().zip([1.0 / (p * x0), 0.0, -t / p]) {
+            assert!((found - exact).abs() < 1e-6 * (1.0 + exact.abs()), "{level}: {:?} {exact}", n.dt);
+        }
     }
 }
 
