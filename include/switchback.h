@@ -2519,6 +2519,10 @@ typedef struct swb_settings {
      * Work of an exact search over choices at most, in variables of a program times iterations, or states times steps of simulations; 0: none.
      */
     double search_exact;
+    /**
+     * Dense output keeps at least so many of the last steps, and at most a quarter more: older ones are dropped; 0: all.
+     */
+    int64_t dense_steps;
 } swb_settings;
 
 /**

@@ -19,6 +19,9 @@ pub struct Path {
     poly: Vec<Poly>,
     /// States that go on otherwise from a time in a step on, step by step, those of one state in the order of time.
     own: Vec<Own>,
+    /// The least number of last steps that is kept; 0: all. And whether some have been dropped.
+    keep: usize,
+    dropped: bool,
 }
 
 /// A part of a step between two events.
@@ -45,11 +48,18 @@ struct Own {
 }
 
 impl Path {
-    pub(super) fn new(nx: usize) -> Path {
-        Path { nx, ..Path::default() }
+    /// Of so many states; it keeps the last `keep` steps at least, or all if that is 0.
+    pub(super) fn new(nx: usize, keep: usize) -> Path {
+        Path { nx, keep, ..Path::default() }
+    }
+
+    /// An empty one for the next run.
+    pub(super) fn fresh(&self) -> Path {
+        Path::new(self.nx, self.keep)
     }
 
     pub(super) fn clear(&mut self) {
+        self.dropped = false;
         self.pieces.clear();
         self.poly.clear();
         self.own.clear();
@@ -73,8 +83,30 @@ impl Path {
 
     /// The first piece of a step.
     fn begin(&mut self, t: f64, end: f64, h: f64) {
+        self.drop_old();
         let step = self.poly.len() / self.nx.max(1);
         self.pieces.push(Piece { t, end, origin: t, h, step, own: self.own.len() });
+    }
+
+    /// Drops steps that are not kept, many at once: every number is moved a few times, however long the run is.
+    fn drop_old(&mut self) {
+        /// One of so many parts of the steps that are kept is dropped at once.
+        const PART: usize = 4;
+        let steps = self.poly.len() / self.nx.max(1);
+        if self.keep == 0 || steps < self.keep + (self.keep / PART).max(1) {
+            return;
+        }
+        let first = steps - self.keep;
+        let pieces = self.pieces.partition_point(|p| p.step < first);
+        let own = self.pieces.get(pieces).map_or(self.own.len(), |p| p.own);
+        self.pieces.drain(..pieces);
+        self.poly.drain(..first * self.nx);
+        self.own.drain(..own);
+        for p in &mut self.pieces {
+            (p.step, p.own) = (p.step - first, p.own - own);
+        }
+        self.own.iter_mut().for_each(|o| o.step -= first as u32);
+        self.dropped = true;
     }
 
     /// The last piece ends a rounding error later.
@@ -161,6 +193,12 @@ impl Path {
         let (Some(first), Some(last)) = (self.pieces.first(), self.pieces.last()) else {
             return Err(Error::State("there is no dense output: ask for it in the options, then simulate".into()));
         };
+        if self.dropped && t < first.t {
+            let (a, b) = (first.t, last.end);
+            return Err(Error::Range(format!(
+                "time {t} is before the dense output, which has kept the steps from {a} to {b}: raise dense_steps, or ask for times on the way"
+            )));
+        }
         if !(t >= first.t && t <= last.end) {
             return Err(Error::Range(format!("time {t} is outside of the run, {} to {}", first.t, last.end)));
         }
@@ -185,10 +223,40 @@ pub(super) fn eval(poly: &[Poly], s: f64, h: f64, k: usize, out: &mut [f64]) {
 mod tests {
     use super::*;
 
+    /// The state is the number of the step; every third one is cut by an event, behind which one state is at zero.
+    #[test]
+    fn old_steps_are_dropped() {
+        let mut path = Path::new(2, 8);
+        let mut x = [0.0; 2];
+        for k in 0..1000 {
+            let (t, mut still) = (f64::from(k), [Poly::default(); 2]);
+            still.iter_mut().for_each(|p| p[0] = t);
+            path.push(t, t + 1.0, 1.0, &still);
+            if k % 3 == 0 {
+                path.push_own(1, (t + 0.5, 1.0), &Poly::default());
+                path.cut(&[t + 0.5]);
+            }
+            assert!(path.poly.len() <= 2 * 10 && path.own.len() <= 4 && path.pieces.len() <= 14);
+            for back in 0..8.min(k + 1) {
+                let s = f64::from(k - back);
+                path.eval(s + 0.25, 0, &mut x).unwrap();
+                assert_eq!(x, [s, s]);
+                path.eval(s + 0.75, 0, &mut x).unwrap();
+                assert_eq!(x, [s, if (k - back) % 3 == 0 { 0.0 } else { s }]);
+            }
+        }
+        let e = path.eval(3.0, 0, &mut x).unwrap_err().to_string();
+        assert!(e.contains("raise dense_steps"), "{e}");
+        path.clear();
+        path.push(0.0, 1.0, 1.0, &[Poly::default(); 2]);
+        let e = path.eval(-3.0, 0, &mut x).unwrap_err().to_string();
+        assert!(e.contains("outside of the run"), "{e}");
+    }
+
     /// Two states stand still from 0 to 2; the second one jumps from 0 to 1 at time 1, and goes on with the velocity 2.
     #[test]
     fn a_state_with_a_piece_of_its_own_leaves_the_others_alone() {
-        let mut path = Path::new(2);
+        let mut path = Path::new(2, 0);
         let mut line = Poly::default();
         (line[0], line[1]) = (1.0, 2.0);
         path.push(0.0, 2.0, 2.0, &[Poly::default(); 2]);

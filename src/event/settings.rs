@@ -33,6 +33,8 @@ pub struct Options {
     pub max_memory: usize,
     /// Velocity of a sliding mode where surfaces meet and their effects multiply. Where the chosen rule has no weights between 0 and 1, an extreme velocity is taken.
     pub selection: Selection,
+    /// Dense output keeps at least so many of the last steps, and at most a quarter more: older ones are dropped; 0: all.
+    pub dense_steps: usize,
     /// Modes of every subsystem, the preferred first, for [`AmbiguityPolicy::Prefer`]; those that are not named come last.
     pub preferred: Vec<Vec<usize>>,
 }
@@ -61,6 +63,7 @@ impl From<&Settings> for Options {
             adjoint: s.adjoint(),
             max_memory: usize::try_from(s.max_memory).unwrap_or(0),
             selection: s.selection().unwrap_or(Selection::Bilinear),
+            dense_steps: usize::try_from(s.dense_steps).unwrap_or(0),
             preferred: Vec::new(),
         }
     }

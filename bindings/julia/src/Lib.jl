@@ -1131,6 +1131,7 @@ table (`swb_option_range`).
 - `search_samples`: Random controls that a search draws and simulates at a time; 0: none.
 - `search_seed`: Seed of the random controls of a search.
 - `search_exact`: Work of an exact search over choices at most, in variables of a program times iterations, or states times steps of simulations; 0: none.
+- `dense_steps`: Dense output keeps at least so many of the last steps, and at most a quarter more: older ones are dropped; 0: all.
 """
 struct swb_settings
     struct_size::UInt64
@@ -1202,8 +1203,9 @@ struct swb_settings
     search_samples::Int64
     search_seed::Int64
     search_exact::Cdouble
+    dense_steps::Int64
 end
-sizeof(swb_settings) == 552 || error("swb_settings has another size than in C")
+sizeof(swb_settings) == 560 || error("swb_settings has another size than in C")
 
 """
 Residuals of the optimality conditions, unscaled, maximum norm.

@@ -186,7 +186,7 @@ impl Engine {
                 contacts: Vec::new(),
                 accumulations: Vec::new(),
                 stats: Statistics::default(),
-                path: options.dense.then(|| Path::new(nx)),
+                path: options.dense.then(|| Path::new(nx, options.dense_steps)),
                 sampled: Sampled::default(),
                 one_sided: false,
                 ambiguous: false,

@@ -329,7 +329,7 @@ impl Engine {
 
     /// The result so far, taken out: [`Engine::reinit`] begins the next run with the memory of this one.
     pub fn take_run(&mut self) -> Run {
-        let fresh = self.log.path.is_some().then(|| Path::new(self.nx));
+        let fresh = self.log.path.as_ref().map(Path::fresh);
         Run {
             outcome: self.log.outcome,
             stats: self.stats(),

@@ -658,6 +658,7 @@ class swb_settings(Structure):
         ("search_samples", c_int64),
         ("search_seed", c_int64),
         ("search_exact", c_double),
+        ("dense_steps", c_int64),
     ]
 
 

@@ -793,6 +793,8 @@ pub struct Settings {
     pub search_seed: i64,
     /// Work of an exact search over choices at most, in variables of a program times iterations, or states times steps of simulations; 0: none.
     pub search_exact: f64,
+    /// Dense output keeps at least so many of the last steps, and at most a quarter more: older ones are dropped; 0: all.
+    pub dense_steps: i64,
 }
 
 impl Default for Settings {
@@ -867,6 +869,7 @@ impl Default for Settings {
             search_samples: 64,
             search_seed: 0,
             search_exact: 2000000.0,
+            dense_steps: 0,
         }
     }
 }
@@ -1824,6 +1827,20 @@ pub static OPTIONS: &[OptionInfo] = &[
         offset: offset_of!(Settings, search_exact),
         get: |s| s.search_exact,
         set: |s, v| s.search_exact = v,
+    },
+    OptionInfo {
+        name: "dense_steps",
+        group: "events",
+        kind: Kind::Int,
+        default: 0.0,
+        min: Closed(0.0),
+        max: Closed(1000000000.0),
+        symbol: "",
+        doc: "Dense output keeps at least so many of the last steps, and at most a quarter more: older ones are dropped; 0: all.",
+        setup_only: false,
+        offset: offset_of!(Settings, dense_steps),
+        get: |s| s.dense_steps as f64,
+        set: |s, v| s.dense_steps = v as i64,
     },
 ];
 
