@@ -295,3 +295,18 @@ def test_notes_are_where_transitions_of_edges_are(kind):
             assert np.abs(first.t_events[j] - second.t_events[k]).max(initial=0) < 1e3 * tol
             compared += len(second.t_events[k])
     assert compared > 100
+
+
+def test_dense_output_of_a_long_run_keeps_the_last_steps():
+    """The run oscillates for ten thousand steps, of which a hundred are kept."""
+    m = Model(2)
+    m.derivatives = [m.x[1], -m.x[0]]
+    end = 2000.0
+    whole, last = [
+        swb.simulate(m, [1, 0], end, rtol=1e-6, h_max=0.2, dense_steps=kept) for kept in (0, 100)
+    ]
+    assert whole.stats.steps >= 10000 and last.stats.steps == whole.stats.steps
+    for back in (0.0, 0.7, 10.0):
+        assert np.array_equal(last(end - back), whole(end - back))
+    with pytest.raises(swb.SwitchbackError, match="raise dense_steps"):
+        last(end - 30.0)
