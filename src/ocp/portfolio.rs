@@ -799,6 +799,7 @@ impl Ocp {
             r.tell_cut(why);
         }
         self.result = Some(r);
+        self.tell_cheaper_guess()?;
         self.spent_in_all(&found, clock)
     }
 

@@ -99,13 +99,13 @@ impl Ocp {
     }
 
     /// The first of these controls and their ends with which a simulation costs less than with those of the answer, and meets the constraints as
-    /// well: the controls.
+    /// well: the controls and that cost.
     pub(super) fn first_lower(
         &self,
         b: &Built,
         r: &OcpResult,
         controls: Vec<[Vec<f64>; 2]>,
-    ) -> Result<Option<Vec<f64>>> {
+    ) -> Result<Option<(Vec<f64>, f64)>> {
         let mut shooting = Shooting::new(self, b, r, &self.known_or_own_sizes()?)?;
         let Some(own) = shooting.simulated(b, (&r.controls, &r.control_ends))? else { return Ok(None) };
         for [u, ends] in controls {
@@ -117,7 +117,7 @@ impl Ocp {
             let off = |v: &Values, i: usize| (lower[i] - v.rows[i]).max(v.rows[i] - upper[i]).max(0.0);
             let meets = |i: usize| off(&other, i) <= off(&own, i) + MET * other.usual[i];
             if other.cost < own.cost - NONE * own.cost.abs() && (0..other.rows.len()).all(meets) {
-                return Ok(Some(u));
+                return Ok(Some((u, other.cost)));
             }
         }
         Ok(None)

@@ -647,7 +647,7 @@ impl Ocp {
         };
         let all: Vec<[Vec<f64>; 2]> = kinks.iter().filter_map(across).collect();
         let lower = if all.is_empty() { None } else { self.first_lower(b, r, all)? };
-        Ok(lower.map(|u| {
+        Ok(lower.map(|(u, _)| {
             let mut direction: Vec<f64> = u.iter().zip(&r.controls).map(|(a, b)| a - b).collect();
             let shares = direction.iter().zip(movable.sizes[..own].iter().cycle()).map(|(d, size)| d.abs() / size);
             let largest = shares.fold(0.0, f64::max);

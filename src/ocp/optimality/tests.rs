@@ -65,3 +65,23 @@ fn the_verdict_is_of_the_point_and_not_of_its_multipliers() {
         }
     }
 }
+
+/// Controls of the guess are told of where they cost less than the answer and meet the constraints, and not otherwise.
+#[test]
+fn a_guess_that_costs_less_than_the_answer_is_told_of() {
+    let told = |p: f64, answer: f64, guess: f64| {
+        let mut o = to_a_level(p, 1);
+        o.solve(&mut Control::default()).unwrap();
+        let r = o.result.as_mut().unwrap();
+        let wrong = vec![answer; STAGES];
+        (r.controls, r.control_ends) = (wrong.clone(), wrong);
+        o.set_u_guess(&[guess; STAGES]).unwrap();
+        o.tell_cheaper_guess().unwrap();
+        o.result.unwrap().message
+    };
+    // without the constraint u costs u² + (u − p)²
+    assert!(told(0.8, 0.5, 0.4).contains("cost 3.200000e-1 in a simulation"));
+    assert_eq!(told(0.8, 0.4, 0.5), "", "it costs more");
+    assert_eq!(told(0.8, 0.4, 0.4), "", "it is the answer");
+    assert_eq!(told(2.0, 0.6, 0.9), "", "it does not meet the constraint");
+}
