@@ -217,7 +217,11 @@ impl Sens {
         for (row, r) in self.s.chunks_exact_mut(n_c.max(1)).zip(jac.chunks_exact(time + 1)) {
             for (c, s) in row.iter_mut().enumerate() {
                 let own = if first + c < nx { 0.0 } else { r[first + c] };
-                *s = (0..nx).fold(own + r[time] * self.dt[c], |v, b| v + r[b] * self.y[b * n_c + c]);
+                *s = own + r[time] * self.dt[c];
+            }
+            // most resets leave most states as they are: a row of the Jacobian has few entries
+            for (b, r) in r[..nx].iter().enumerate().filter(|(_, r)| **r != 0.0) {
+                row.iter_mut().zip(&self.y[b * n_c..]).for_each(|(s, y)| *s += r * y);
             }
         }
     }
