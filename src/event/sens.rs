@@ -211,18 +211,12 @@ impl Sens {
 
     /// Behind a reset with the Jacobian `jac` (`nx × n_z`), along the moving time of the jump.
     pub(super) fn reset_by(&mut self, jac: &[f64]) {
-        let (nx, n_c, first) = (self.x.len(), self.n_c, self.first);
-        let time = first + n_c;
+        let (nx, n_c) = (self.x.len(), self.n_c);
+        let time = self.first + n_c;
         self.y.copy_from_slice(&self.s);
         for (row, r) in self.s.chunks_exact_mut(n_c.max(1)).zip(jac.chunks_exact(time + 1)) {
-            for (c, s) in row.iter_mut().enumerate() {
-                let own = if first + c < nx { 0.0 } else { r[first + c] };
-                *s = own + r[time] * self.dt[c];
-            }
-            // most resets leave most states as they are: a row of the Jacobian has few entries
-            for (b, r) in r[..nx].iter().enumerate().filter(|(_, r)| **r != 0.0) {
-                row.iter_mut().zip(&self.y[b * n_c..]).for_each(|(s, y)| *s += r * y);
-            }
+            along(&r[..time], 1.0, nx, &self.y, row);
+            row.iter_mut().zip(&self.dt).for_each(|(s, dt)| *s += r[time] * dt);
         }
     }
 

@@ -8,6 +8,7 @@ use super::extend::Slacks;
 use super::request::Request;
 use super::terms::combination;
 use super::{Norm, Ocp, OcpResult};
+use crate::error::{Error, Result};
 use crate::event;
 use crate::fesd::{Fesd, Part, PathAt, Place, Role, RowMeaning, Trouble, VariableMeaning};
 use crate::func::{Callback, EvalError, Point};
@@ -72,6 +73,27 @@ enum Shown {
 }
 
 impl Ocp {
+    /// Tells of controls that were given, where these cost less than the answer in a simulation and meet the constraints as well: no program along
+    /// their modes led to an answer then.
+    pub(super) fn tell_cheaper_guess(&mut self) -> Result<()> {
+        let (Some(u), Some(b), Some(r)) = (&self.u_guess, &self.built, &self.result) else { return Ok(()) };
+        if stop::requested().is_some() || !r.is_solution() {
+            return Ok(());
+        }
+        let lower = match self.first_lower(b, r, vec![[u.clone(), u.clone()]]) {
+            // the answer is there, and the remark is not worth it
+            Err(Error::Interrupted | Error::OutOfTime) => None,
+            found => found?,
+        };
+        if let (Some((_, cost)), Some(r)) = (lower, self.result.as_mut()) {
+            r.add_remark(&format!(
+                "the controls of the guess cost {cost:.6e} in a simulation, less than this answer, and meet the constraints as well; \
+                 no answer with their modes was found: more elements or another grid may have one"
+            ));
+        }
+        Ok(())
+    }
+
     /// Why the result is no exact solution, and what the comparison with the simulation says of one; empty where there is
     /// nothing to say, and where the solve was asked to stop.
     pub(super) fn diagnose(&mut self, case: &mut Case, request: &Request, control: &Control) -> Diagnosis {

@@ -64,21 +64,4 @@ impl Ocp {
         }
         Ok(cheaper)
     }
-
-    /// Tells of controls that were given, where these cost less than the answer in a simulation and meet the constraints as well: no program along
-    /// their modes led to an answer then.
-    pub(super) fn tell_cheaper_guess(&mut self) -> Result<()> {
-        let (Some(u), Some(b), Some(r)) = (&self.u_guess, &self.built, &self.result) else { return Ok(()) };
-        if stop::requested().is_some() || !r.is_solution() {
-            return Ok(());
-        }
-        let lower = self.first_lower(b, r, vec![[u.clone(), u.clone()]])?;
-        if let (Some((_, cost)), Some(r)) = (lower, self.result.as_mut()) {
-            r.add_remark(&format!(
-                "the controls of the guess cost {cost:.6e} in a simulation, less than this answer, and meet the constraints as well; \
-                 no answer with their modes was found: more elements or another grid may have one"
-            ));
-        }
-        Ok(())
-    }
 }

@@ -594,10 +594,10 @@ impl Engine {
         let (mut t, mut h, mut fresh) = (t, t1 - t, true);
         for _ in 0..STEPS {
             let last = h >= 0.99 * (t1 - t);
-            let UnitEvents { group, moving, tracks, step, weights, rows, spent, .. } = c;
+            c.spend(n * pair.rows().0.len());
+            let UnitEvents { group, moving, tracks, step, weights, .. } = c;
             (step.t, step.h) = (t, if last { t1 - t } else { h });
             let mut units = Units { field: &mut self.field, group, moving, tracks, step: &self.stepper.step };
-            (*rows, *spent) = (*rows + n * pair.rows().0.len(), *spent + n * pair.rows().0.len());
             if std::mem::take(&mut fresh) && units.write_velocity(t, &step.x0, &mut step.f0).is_err() {
                 return false;
             }
@@ -612,8 +612,8 @@ impl Engine {
                 known = explicit::finish(pair, &mut units, step).is_ok();
             }
             // NaN fails too
-            let mut good = err <= 1.0 && known && !explicit::is_misjudged(pair, step, weights);
-            good = good && explicit::dense(pair, &mut units, step).is_ok();
+            let plain = err <= 1.0 && known && !explicit::is_misjudged(pair, step, weights);
+            let mut good = plain && explicit::dense(pair, &mut units, step).is_ok();
             let mut err = err;
             if good {
                 // what is off by more than what counts as felt is felt by all states, one after the other
