@@ -593,7 +593,7 @@ impl Linearisation {
     }
 
     /// What it costs to meet rows one by one, per unit of violation: the scale of prices.
-    pub fn cost_of_rows(&self) -> f64 {
+    pub fn cost_of_rows(&mut self) -> f64 {
         self.solver.cost_of_rows(&self.qp)
     }
 

@@ -16,8 +16,8 @@
 //! complements of `H`: they are positive definite where it is.
 
 use super::dual::{DualActiveSet, Program, Rows};
-use super::{QpSolution, QpSolver, QpStatus, StageQp, Terms};
-use crate::error::Result;
+use super::{Initial, QpSolution, QpSolver, QpStatus, StageQp, Terms};
+use crate::error::{Error, Result};
 use crate::linalg::dense::{axpy, dot, gemm, gemv, gemv_transposed, inverse_root, potrf};
 use crate::linalg::dense::{Left, Mode, Right, TILE_COLS};
 
@@ -77,7 +77,13 @@ struct Scratch {
 
 impl Condensing {
     /// Room for programs of the size of `qp`.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for a free first state.
     pub fn new(qp: &StageQp) -> Result<Condensing> {
+        if qp.initial != Initial::Given {
+            return Err(Error::Unsupported("condensing needs a given first state: solve this program stage by stage".into()));
+        }
         let (n, nx, nu) = (qp.n, qp.nx, qp.nu);
         let n_u = n * nu;
         let wide = nu.div_ceil(TILE_COLS) * TILE_COLS;
@@ -488,7 +494,7 @@ impl QpSolver for Condensing {
         self.ready
     }
 
-    fn cost_of_rows(&self, qp: &StageQp) -> f64 {
+    fn cost_of_rows(&mut self, qp: &StageQp) -> f64 {
         let program = Program::new(qp, &self.inverse, &self.v_now, self.condition > BAD);
         self.active_set.cost_of_rows(&program)
     }
@@ -502,14 +508,7 @@ impl QpSolver for Condensing {
     }
 
     fn shift(&mut self, qp: &StageQp) {
-        let rows = &qp.rows;
-        self.active_set.shift(qp.nu, |i| {
-            // the row of the same kind one node earlier: as many rows behind the first of its node
-            let node = rows[i].node.checked_sub(1)?;
-            let first = |k: usize| rows.partition_point(|r| r.node < k);
-            let j = first(node) + (i - first(node + 1));
-            (j < rows.len() && rows[j].node == node).then_some(j)
-        });
+        self.active_set.shift(qp.nu, |i| qp.earlier_row(i));
     }
 
     fn reset(&mut self) {

@@ -330,6 +330,16 @@ fn condensing_conforms() {
     refuses(&make);
 }
 
+#[test]
+fn stagewise_conforms() {
+    let make = |qp: &StageQp| Box::new(Stagewise::new(qp).unwrap()) as Box<dyn QpSolver>;
+    conforms(&make, 1e-9);
+    sums_at_zero(&make, 1e-9);
+    hard_rows(&make, 1e-9);
+    equations(&make, 1e-9);
+    refuses(&make);
+}
+
 /// Kinks `|u_j|` by variables `s_j` that are no less than `u_j` and `−u_j`, every row twice, about a point where both are zero: the steps of such
 /// pairs are sums that cancel, and so are the rows of them, whose violation then is the rounding of zero.
 #[test]

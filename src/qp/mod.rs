@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! min  Σ_{k<N} ½ [x_k; u_k]ᵀ [Q_k S_kᵀ; S_k R_k] [x_k; u_k] + q_kᵀ x_k + r_kᵀ u_k  +  ½ x_Nᵀ Q_N x_N + q_Nᵀ x_N  +  prices
-//! s.t. x_0 given,  x_{k+1} = A_k x_k + B_k u_k + c_k,   l_k ≤ u_k ≤ u_k^max,
+//! s.t. x_0 given or priced,  x_{k+1} = A_k x_k + B_k u_k + c_k,   l_k ≤ u_k ≤ u_k^max,
 //!      l_i ≤ C_i x_k + D_i u_k ≤ u_i   for rows i at nodes k, some of which may be violated at a price
 //! ```
 //!
@@ -12,13 +12,16 @@
 
 mod condense;
 mod dual;
+mod riccati;
 mod stage;
+mod stagewise;
 
 #[cfg(test)]
 mod conformance;
 
 pub use condense::Condensing;
-pub use stage::{Price, QpSolution, Row, StageQp};
+pub use stage::{Initial, Price, QpSolution, Row, StageQp};
+pub use stagewise::Stagewise;
 
 use std::time::Instant;
 
@@ -30,7 +33,7 @@ pub enum QpStatus {
     Solved = 0,
     /// Rows that may not be violated contradict each other.
     Infeasible = 1,
-    /// The deadline came first; the control that is there is the best known, within its bounds.
+    /// The deadline or the bound on iterations came first; the control that is there is the best known, within its bounds.
     OutOfTime = 2,
     /// The Hessian is not positive definite on the controls, or data are not finite.
     Failed = 3,
@@ -61,7 +64,7 @@ pub trait QpSolver: Send {
     fn prepare(&mut self, qp: &StageQp) -> bool;
     /// As [`QpSolver::prepare`] where vectors of the program (gradients, `c_k`, bounds) have changed since and matrices have not.
     fn refresh(&mut self, qp: &StageQp);
-    /// Solves for an initial state `x0[nx]`.
+    /// Solves for an initial state `x0[nx]`, or its mean before the first measurement where it is free ([`Initial::Free`]).
     fn solve(&mut self, qp: &StageQp, x0: &[f64], terms: &Terms) -> QpStatus;
     /// Controls of the last [`QpSolver::solve`], `[n · nu]`; those of the first stage lead.
     fn controls(&self) -> &[f64];
@@ -74,7 +77,7 @@ pub trait QpSolver: Send {
     fn gains(&self, out: &mut [f64]) -> bool;
     /// What it costs to meet rows without a price one by one, per unit of violation, of those that the last [`QpSolver::solve`] met with: the
     /// scale of prices. Zero where controls move none of them.
-    fn cost_of_rows(&self, qp: &StageQp) -> f64;
+    fn cost_of_rows(&mut self, qp: &StageQp) -> f64;
     /// Does the last solution violate rows that have no price of their own?
     fn violates(&self, qp: &StageQp) -> bool;
     /// Iterations of the last solution.

@@ -22,6 +22,16 @@ pub struct Row {
     pub price: Option<Price>,
 }
 
+/// What is known of the first state.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Initial {
+    /// It is given.
+    Given,
+    /// It is free, at the price of the arrival `½ (x_0 − x̄)ᵀ W (x_0 − x̄)` with the weight `W`, `[nx · nx]`, both triangles: programs of
+    /// estimation. Solutions are for a given `x̄`.
+    Free(Vec<f64>),
+}
+
 /// Data of a program. Matrices are column-major, one behind the other; rows of constraints are sorted by node.
 #[derive(Debug, Clone)]
 pub struct StageQp {
@@ -31,6 +41,8 @@ pub struct StageQp {
     pub nx: usize,
     /// Controls of a stage.
     pub nu: usize,
+    /// Is `x_0` given?
+    pub initial: Initial,
     /// `Q_k`, `[(n + 1) · nx · nx]`, symmetric, both triangles.
     pub hess_x: Vec<f64>,
     /// `S_k`, `[n · nu · nx]`, `nu × nx`.
@@ -89,6 +101,7 @@ impl StageQp {
             n,
             nx,
             nu,
+            initial: Initial::Given,
             hess_x: vec![0.0; (n + 1) * nx * nx],
             hess_xu: vec![0.0; n * nu * nx],
             hess_u: vec![0.0; n * nu * nu],
@@ -205,6 +218,15 @@ impl StageQp {
                 }
             }
         }
+    }
+
+    /// The row of the same kind one node earlier: as many rows behind the first of its node.
+    pub(crate) fn earlier_row(&self, i: usize) -> Option<usize> {
+        let rows = &self.rows;
+        let node = rows[i].node.checked_sub(1)?;
+        let first = |k: usize| rows.partition_point(|r| r.node < k);
+        let j = first(node) + (i - first(node + 1));
+        (j < rows.len() && rows[j].node == node).then_some(j)
     }
 
     /// Entry of row `i`'s controls in all controls is at `node · nu`; nothing at the last node.
