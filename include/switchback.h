@@ -1773,6 +1773,15 @@ enum swb_nmpc_qp
      * States eliminated, dual active set on the prepared inverse of the Hessian.
      */
     SWB_NMPC_QP_CONDENSING = 0,
+    /**
+     * States kept: active sets by a Riccati recursion, and an interior point where these do not settle. Work is linear in the number of
+     * stages.
+     */
+    SWB_NMPC_QP_STAGEWISE = 1,
+    /**
+     * The one of both that needs fewer operations at the size of the problem.
+     */
+    SWB_NMPC_QP_AUTO = 2,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -11,7 +11,7 @@ use super::standby::{Passed, Standby};
 use crate::error::{finite, Error, Result};
 use crate::func::EvalError;
 use crate::ocp::Ocp;
-use crate::qp::{Condensing, QpSolution, QpSolver, QpStatus, Terms};
+use crate::qp::{self, Condensing, QpSolution, QpSolver, QpStatus, Stagewise, Terms};
 use crate::stop;
 use std::time::{Duration, Instant};
 
@@ -129,9 +129,15 @@ impl Nmpc {
         let (model, qp) = problem::build(ocp, options)?;
         let predictor = problem::stage(ocp, options, 1)?;
         let (n, nx, nu, rows) = (qp.n, qp.nx, qp.nu, qp.rows.len());
+        let qp_method = match options.qp {
+            QpMethod::Auto if qp::is_long(&qp) => QpMethod::Stagewise,
+            QpMethod::Auto => QpMethod::Condensing,
+            given => given,
+        };
         let solver = || -> Result<Box<dyn QpSolver>> {
-            match options.qp {
-                QpMethod::Condensing => Ok(Box::new(Condensing::new(&qp)?)),
+            match qp_method {
+                QpMethod::Stagewise => Ok(Box::new(Stagewise::new(&qp)?)),
+                _ => Ok(Box::new(Condensing::new(&qp)?)),
             }
         };
         let branches = if model.switches {
@@ -144,7 +150,7 @@ impl Nmpc {
         let lin = Linearisation::new(&model, qp, solver, options.hessian());
         let zeros = || Iterate::zeros(n, nx, nu, rows);
         let mut c = Nmpc {
-            options: options.clone(),
+            options: Options { qp: qp_method, ..options.clone() },
             predictor,
             lin,
             iterate: zeros(),
@@ -244,7 +250,7 @@ impl Nmpc {
         self.serial
     }
 
-    /// The options.
+    /// The options, with the method for quadratic programs that was chosen.
     pub fn options(&self) -> &Options {
         &self.options
     }

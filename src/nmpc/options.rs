@@ -46,6 +46,11 @@ pub enum Level {
 pub enum QpMethod {
     /// States eliminated, dual active set on the prepared inverse of the Hessian.
     Condensing = 0,
+    /// States kept: active sets by a Riccati recursion, and an interior point where these do not settle. Work is linear in the number of
+    /// stages.
+    Stagewise = 1,
+    /// The one of both that needs fewer operations at the size of the problem.
+    Auto = 2,
 }
 
 /// Sources of a control: the best that was there in time.
@@ -107,7 +112,7 @@ impl Default for Options {
             level: Level::D0,
             inner: 1,
             tol: 1e-8,
-            qp: QpMethod::Condensing,
+            qp: QpMethod::Auto,
             shift: false,
             deadline: f64::INFINITY,
             elastic_price: 0.0,

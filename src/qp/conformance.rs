@@ -79,7 +79,14 @@ pub(super) fn residual(qp: &StageQp, x0: &[f64], s: &QpSolution) -> f64 {
     let (n, nx, nu) = (qp.n, qp.nx, qp.nu);
     let mut worst = 0.0f64;
     let mut see = |v: f64, size: f64| worst = worst.max(v.abs() / (1.0 + size));
-    (0..nx).for_each(|i| see(s.x[i] - x0[i], x0[i].abs()));
+    match &qp.initial {
+        Initial::Given => (0..nx).for_each(|i| see(s.x[i] - x0[i], x0[i].abs())),
+        // W (x_0 − x̄) + λ_0 = 0
+        Initial::Free(weight) => (0..nx).for_each(|i| {
+            let pull: f64 = (0..nx).map(|j| weight[i + j * nx] * (s.x[j] - x0[j])).sum();
+            see(pull + s.lambda[i], pull.abs());
+        }),
+    }
     for k in 0..n {
         for i in 0..nx {
             let mut next = qp.c[k * nx + i] - s.x[(k + 1) * nx + i];
@@ -240,6 +247,34 @@ pub(super) fn hard_rows(make: &dyn Fn(&StageQp) -> Box<dyn QpSolver>, tol: f64) 
     assert!(solved >= 10 && infeasible >= 5, "{solved} {infeasible}: the suite has lost its point");
 }
 
+/// The first state is free: programs of estimation, with bounds and rows as all others.
+pub(super) fn estimates(make: &dyn Fn(&StageQp) -> Box<dyn QpSolver>, tol: f64) {
+    for (i, size) in SIZES.into_iter().enumerate() {
+        for (j, kind) in kinds().into_iter().enumerate() {
+            let seed = (300 * i + j) as u64;
+            let (mut qp, mean) = random(seed, size, kind);
+            let (nx, mut r) = (qp.nx, numbers(seed + 5));
+            let root: Vec<f64> = (0..nx * nx).map(|_| r()).collect();
+            let entry = |a: usize, b: usize| (0..nx).map(|l| root[a + l * nx] * root[b + l * nx]).sum::<f64>();
+            let weight = (0..nx * nx).map(|e| entry(e % nx, e / nx) + if e % nx == e / nx { 0.1 } else { 0.0 });
+            qp.initial = Initial::Free(weight.collect());
+            let mut solver = make(&qp);
+            let mut s = QpSolution::new(&qp);
+            for round in 0..3 {
+                assert!(solver.prepare(&qp));
+                let status = solver.solve(&qp, &mean, &Terms::default());
+                assert_eq!(status, QpStatus::Solved, "{} {size:?} {j} {round}", solver.name());
+                solver.expand(&qp, &mut s);
+                let e = residual(&qp, &mean, &s);
+                assert!(e < tol, "{} {size:?} {j} {round}: {e:e}", solver.name());
+                let moved = (0..nx).map(|i| (s.x[i] - mean[i]).abs()).fold(0.0, f64::max);
+                assert!(moved > 1e-6, "the first state stays at its mean");
+                qp.c.iter_mut().for_each(|v| *v += 0.1 * r());
+            }
+        }
+    }
+}
+
 /// Equal bounds of rows are equations.
 pub(super) fn equations(make: &dyn Fn(&StageQp) -> Box<dyn QpSolver>, tol: f64) {
     for seed in 0..10 {
@@ -338,6 +373,14 @@ fn stagewise_conforms() {
     hard_rows(&make, 1e-9);
     equations(&make, 1e-9);
     refuses(&make);
+    estimates(&make, 1e-9);
+}
+
+#[test]
+fn condensing_refuses_a_free_first_state() {
+    let (mut qp, _) = random(1, [5, 3, 2], Kind { tight: 1.0, ..Kind::default() });
+    qp.initial = Initial::Free(vec![1.0; 9]);
+    assert!(matches!(Condensing::new(&qp), Err(crate::error::Error::Unsupported(_))));
 }
 
 /// Kinks `|u_j|` by variables `s_j` that are no less than `u_j` and `−u_j`, every row twice, about a point where both are zero: the steps of such

@@ -7,11 +7,12 @@
 //! ```
 //!
 //! These are the quadratic programs (10.5) of real-time iterations. They are solved in two parts: [`QpSolver::prepare`] does
-//! what does not depend on `x_0`, [`QpSolver::solve`] the rest, in microseconds. Solvers allocate when they are made and
+//! what does not depend on `x_0`, [`QpSolver::solve`] the rest, in microseconds. [`Condensing`] eliminates the states, [`Stagewise`] keeps them. Solvers allocate when they are made and
 //! never again. This layer knows nothing of where the data come from.
 
 mod condense;
 mod dual;
+mod flops;
 mod riccati;
 mod stage;
 mod stagewise;
@@ -20,6 +21,7 @@ mod stagewise;
 mod conformance;
 
 pub use condense::Condensing;
+pub use flops::is_long;
 pub use stage::{Initial, Price, QpSolution, Row, StageQp};
 pub use stagewise::Stagewise;
 

@@ -1020,3 +1020,56 @@ impl QpSolver for Stagewise {
         self.ready = false;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::conformance::{numbers, random, residual, Kind};
+    use super::*;
+
+    /// The factorisations of a solution do not grow with the horizon, from a guess that knows nothing and from the last one.
+    #[test]
+    fn work_is_linear_in_the_horizon() {
+        let mut most = [0.0f64; 2];
+        for (place, n) in [10usize, 640].into_iter().enumerate() {
+            for seed in 0..6 {
+                let (mut qp, mut x) = random(seed, [n, 3, 2], Kind { tight: 0.3, ..Kind::default() });
+                // the same time as a system with a horizon that is as long: without that states grow
+                qp.a.iter_mut().for_each(|a| *a *= 0.8);
+                let mut solver = Stagewise::new(&qp).unwrap();
+                assert!(solver.prepare(&qp));
+                let mut r = numbers(seed);
+                let mut s = QpSolution::new(&qp);
+                for _ in 0..5 {
+                    assert_eq!(solver.solve(&qp, &x, &Terms::default()), QpStatus::Solved, "{n} {seed}");
+                    solver.expand(&qp, &mut s);
+                    assert!(residual(&qp, &x, &s) < 1e-9, "{n} {seed}");
+                    most[place] = most[place].max(solver.stages as f64 / n as f64);
+                    x.iter_mut().for_each(|v| *v += 0.5 * r());
+                }
+            }
+        }
+        assert!(most[0] > 1.0 && most[1] < 2.0 * most[0], "{most:?} factorisations");
+    }
+
+    /// A change of the active set in the first stages makes these anew and no others.
+    #[test]
+    fn stages_behind_a_change_stay() {
+        let (mut qp, _) = random(4, [40, 3, 1], Kind { tight: 1.0, ..Kind::default() });
+        qp.a.iter_mut().for_each(|a| *a *= 0.5);
+        let mut solver = Stagewise::new(&qp).unwrap();
+        assert!(solver.prepare(&qp));
+        let solve = |solver: &mut Stagewise, size: f64| {
+            assert_eq!(solver.solve(&qp, &[size, -size, size], &Terms::default()), QpStatus::Solved);
+            (0..qp.n).filter(|i| solver.state[*i] != State::Out).max().unwrap_or(0)
+        };
+        let last = solve(&mut solver, 0.0);
+        let before = solver.state.clone();
+        let size = (1..200).map(|s| 0.1 * f64::from(s)).find(|s| {
+            solve(&mut solver, *s);
+            solver.state != before
+        });
+        assert!(size.is_some() && last < 40, "nothing is active");
+        let changed = (0..qp.n).filter(|i| solver.state[*i] != before[*i]).max().unwrap() as u64;
+        assert!(solver.stages <= 2 * (changed + 1) && changed < 30, "{} stages for a change at {changed}", solver.stages);
+    }
+}

@@ -723,10 +723,14 @@ const NAMES_swb_nmpc_level = [:a => 0, :b => 1, :c => 2, :d0 => 3, :d1 => 4, :d2
 How quadratic programs are solved.
 
 - `SWB_NMPC_QP_CONDENSING`: States eliminated, dual active set on the prepared inverse of the Hessian.
+- `SWB_NMPC_QP_STAGEWISE`: States kept: active sets by a Riccati recursion, and an interior point where these do not settle. Work is linear in the number of stages.
+- `SWB_NMPC_QP_AUTO`: The one of both that needs fewer operations at the size of the problem.
 """
 const swb_nmpc_qp = Int64
 const SWB_NMPC_QP_CONDENSING = swb_nmpc_qp(0)
-const NAMES_swb_nmpc_qp = [:condensing => 0]
+const SWB_NMPC_QP_STAGEWISE = swb_nmpc_qp(1)
+const SWB_NMPC_QP_AUTO = swb_nmpc_qp(2)
+const NAMES_swb_nmpc_qp = [:condensing => 0, :stagewise => 1, :auto => 2]
 
 """
 Sources of a control.

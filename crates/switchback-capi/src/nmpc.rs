@@ -60,6 +60,11 @@ pub enum swb_nmpc_level {
 pub enum swb_nmpc_qp {
     /// States eliminated, dual active set on the prepared inverse of the Hessian.
     Condensing = 0,
+    /// States kept: active sets by a Riccati recursion, and an interior point where these do not settle. Work is linear in the number of
+    /// stages.
+    Stagewise = 1,
+    /// The one of both that needs fewer operations at the size of the problem.
+    Auto = 2,
 }
 
 /// Sources of a control.
@@ -203,7 +208,7 @@ impl swb_nmpc_options {
             level: pick("level", &levels, self.level)?,
             inner: count("inner", self.inner)?,
             tol: self.tol,
-            qp: pick("qp_solver", &[QpMethod::Condensing], self.qp_solver)?,
+            qp: pick("qp_solver", &[QpMethod::Condensing, QpMethod::Stagewise, QpMethod::Auto], self.qp_solver)?,
             shift: pick("shift", &[false, true], self.shift)?,
             deadline: self.deadline,
             elastic_price: self.elastic_price,
@@ -763,6 +768,8 @@ mod tests {
             (swb_nmpc_qp_status::OutOfTime as i32, QpStatus::OutOfTime as i32),
             (swb_nmpc_qp_status::Failed as i32, QpStatus::Failed as i32),
             (swb_nmpc_qp::Condensing as i32, QpMethod::Condensing as i32),
+            (swb_nmpc_qp::Stagewise as i32, QpMethod::Stagewise as i32),
+            (swb_nmpc_qp::Auto as i32, QpMethod::Auto as i32),
         ];
         assert!(schemes.iter().chain(&levels).chain(&sources).chain(&ends).all(|(a, b)| a == b));
     }

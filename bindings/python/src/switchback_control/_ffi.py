@@ -431,6 +431,8 @@ class NmpcQp(Names):
     """enum swb_nmpc_qp"""
 
     CONDENSING = 0
+    STAGEWISE = 1
+    AUTO = 2
 
 
 class NmpcSource(Names):

@@ -123,6 +123,8 @@ class Nmpc(Handle):
     tol            "asc" ends its iterations where states and controls change by less than this share of their size, "as_rti" where they
                    would change by less from then on, by the estimated contraction
     elastic_price  price of violations where constraints cannot all be met; 0: chosen by the controller
+    qp_solver      "condensing": states eliminated, quadratic programs of short horizons. "stagewise": work linear in the number of
+                   stages. "auto": the one with fewer operations
     rk_family, n_s, steps   the Runge-Kutta method of the predictions and its steps in every stage; by default as the settings
                    of the problem say, with its finite elements as steps
     flips          systems that switch: alternatives to the plan at most, where a control moves nothing since the system sticks
@@ -146,7 +148,7 @@ class Nmpc(Handle):
         deadline: float = numpy.inf,
         tol: float = 1e-8,
         elastic_price: float = 0.0,
-        qp_solver: str | NmpcQp = "condensing",
+        qp_solver: str | NmpcQp = "auto",
         rk_family: str | RkFamily | None = None,
         n_s: int = 0,
         steps: int = 0,
