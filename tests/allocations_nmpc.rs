@@ -7,7 +7,7 @@ use counting::count;
 use std::sync::Arc;
 use switchback::expr::Graph;
 use switchback::func::Dims;
-use switchback::nmpc::{Level, Nmpc, Options, Scheme};
+use switchback::nmpc::{Level, Nmpc, Options, QpMethod, Scheme};
 use switchback::ocp::{CostAt, Norm, Ocp};
 use switchback::settings::Settings;
 use switchback::system::{SharedFunction, System};
@@ -42,26 +42,29 @@ fn nothing_is_allocated_after_creation() {
                 if level == Level::D2 && family != Family::Explicit {
                     continue;
                 }
-                let options = Options {
-                    scheme,
-                    level,
-                    inner: 2,
-                    shift: true,
-                    family: Some(family),
-                    n_s,
-                    steps: 1,
-                    ..Options::default()
-                };
-                let mut c = Nmpc::new(&ocp, &options).unwrap();
-                let mut u = [0.0];
-                let before = count();
-                for x in [[0.5, 0.0], [0.4, 0.3], [f64::NAN, 0.0], [2.0, 3.0], [-0.6, -0.4], [0.0, 0.0]] {
-                    c.prepare(None).unwrap();
-                    c.feedback(&x, &mut u).unwrap();
-                    c.finish();
+                for qp in [QpMethod::Condensing, QpMethod::Stagewise] {
+                    let options = Options {
+                        scheme,
+                        level,
+                        inner: 2,
+                        qp,
+                        shift: true,
+                        family: Some(family),
+                        n_s,
+                        steps: 1,
+                        ..Options::default()
+                    };
+                    let mut c = Nmpc::new(&ocp, &options).unwrap();
+                    let mut u = [0.0];
+                    let before = count();
+                    for x in [[0.5, 0.0], [0.4, 0.3], [f64::NAN, 0.0], [2.0, 3.0], [-0.6, -0.4], [0.0, 0.0]] {
+                        c.prepare(None).unwrap();
+                        c.feedback(&x, &mut u).unwrap();
+                        c.finish();
+                    }
+                    assert_eq!(count(), before, "{family:?} {scheme:?} {level:?} {qp:?}");
+                    assert!(c.monitor().sources[0] > 0 && c.monitor().sources[1] > 0, "{:?}", c.monitor().sources);
                 }
-                assert_eq!(count(), before, "{family:?} {scheme:?} {level:?}");
-                assert!(c.monitor().sources[0] > 0 && c.monitor().sources[1] > 0, "{:?}", c.monitor().sources);
             }
         }
     }

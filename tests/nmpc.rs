@@ -44,6 +44,8 @@ fn costs_of_closed_loops_with_the_pendulum() {
         ("AS-RTI-C-3", scheme(Scheme::AsRti, Level::C, 3), 42.9606, 2e-6),
     ];
     costs(&case, &table);
+    let stagewise = |o: Options| Options { qp: QpMethod::Stagewise, ..o };
+    costs(&case, &table.map(|(what, options, cost, tol)| (what, stagewise(options), cost, tol)));
 }
 
 #[test]
@@ -291,17 +293,52 @@ fn infeasible_programs_are_softened() {
     let mut case = pendulum();
     case.ocp.set_x_guess(&[0.0], &[0.0; 4]).unwrap();
     case.ocp.set_x_bounds(&[-0.2, -10.0, -50.0, -50.0], &[0.2, 10.0, 50.0, 50.0]).unwrap();
-    let mut c = Nmpc::new(&case.ocp, &scheme(Scheme::Rti, Level::D0, 0)).unwrap();
-    let mut u = [0.0];
-    let mut sources = Vec::new();
-    for x in [[0.0, 0.1, 0.0, 0.0], [0.0, 0.1, 3.0, 0.0], [5.0, 0.0, 0.0, 0.0]] {
-        c.reset();
-        c.prepare(None).unwrap();
-        sources.push(c.feedback(&x, &mut u).unwrap().source);
-        assert!(u[0].abs() <= 12.0);
+    for qp in [QpMethod::Condensing, QpMethod::Stagewise] {
+        let mut c = Nmpc::new(&case.ocp, &Options { qp, ..scheme(Scheme::Rti, Level::D0, 0) }).unwrap();
+        let mut u = [0.0];
+        let mut sources = Vec::new();
+        for x in [[0.0, 0.1, 0.0, 0.0], [0.0, 0.1, 3.0, 0.0], [5.0, 0.0, 0.0, 0.0]] {
+            c.reset();
+            c.prepare(None).unwrap();
+            sources.push(c.feedback(&x, &mut u).unwrap().source);
+            assert!(u[0].abs() <= 12.0);
+        }
+        assert_eq!(sources[0], Source::Qp);
+        assert_eq!(sources[2], Source::SoftQp);
     }
-    assert_eq!(sources[0], Source::Qp);
-    assert_eq!(sources[2], Source::SoftQp);
+}
+
+/// Both methods give the same controls, where rows are met and where they cannot be, with the same prices.
+#[test]
+fn both_methods_for_quadratic_programs_agree() {
+    let mut case = pendulum();
+    case.ocp.set_x_guess(&[0.0], &[0.0; 4]).unwrap();
+    case.ocp.set_x_bounds(&[-0.4, -1.0, -5.0, -5.0], &[0.4, 1.0, 5.0, 5.0]).unwrap();
+    let options = Options { elastic_price: 1e4, ..scheme(Scheme::Rti, Level::D0, 0) };
+    let controller = |qp| Nmpc::new(&case.ocp, &Options { qp, ..options.clone() }).unwrap();
+    let mut both = [controller(QpMethod::Condensing), controller(QpMethod::Stagewise)];
+    let mut seen = [0; 2];
+    let mut s = 7u64;
+    let mut number = || {
+        s = s.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (s >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+    };
+    for sample in 0..60 {
+        let x = [0.5 * number(), 0.3 * number(), number(), number()];
+        let answers = both.each_mut().map(|c| {
+            let mut u = [0.0];
+            c.reset();
+            c.prepare(None).unwrap();
+            let f = c.feedback(&x, &mut u).unwrap();
+            (f.source, u[0], c.plan().u().to_vec())
+        });
+        assert_eq!(answers[0].0, answers[1].0, "{sample}");
+        let off = answers[0].2.iter().zip(&answers[1].2).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        assert!(off < 1e-6, "{sample}: {off:e}");
+        seen[usize::from(answers[0].0 == Source::SoftQp)] += 1;
+    }
+    assert!(seen.iter().all(|n| *n >= 10), "{seen:?}");
+    assert_eq!(both[1].options().qp, QpMethod::Stagewise);
 }
 
 /// A mass that is pushed against a load, which is a parameter; the place it is to be at is a reference.

@@ -102,7 +102,18 @@ fn all_options() -> Vec<Options> {
                     continue;
                 }
                 let family = Some(family);
-                all.push(Options { scheme, level, inner: 2, shift: true, family, n_s, steps: 1, ..Options::default() });
+                let qp = if all.len() % 2 == 0 { QpMethod::Stagewise } else { QpMethod::Auto };
+                all.push(Options {
+                    scheme,
+                    level,
+                    inner: 2,
+                    qp,
+                    shift: true,
+                    family,
+                    n_s,
+                    steps: 1,
+                    ..Options::default()
+                });
             }
         }
     }

@@ -82,7 +82,9 @@ impl Condensing {
     /// [`Error::Unsupported`] for a free first state.
     pub fn new(qp: &StageQp) -> Result<Condensing> {
         if qp.initial != Initial::Given {
-            return Err(Error::Unsupported("condensing needs a given first state: solve this program stage by stage".into()));
+            return Err(Error::Unsupported(
+                "condensing needs a given first state: solve this program stage by stage".into(),
+            ));
         }
         let (n, nx, nu) = (qp.n, qp.nx, qp.nu);
         let n_u = n * nu;

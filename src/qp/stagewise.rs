@@ -335,7 +335,8 @@ impl Stagewise {
         let differs = |k: usize| {
             let (own, rows) = (k * nu..(k + 1) * nu, self.blocks.first[k]..self.blocks.first[k + 1]);
             let of_controls = k < qp.n
-                && (self.want.fixed[own.clone()] != self.have.fixed[own.clone()] || self.want.u[own.clone()] != self.have.u[own]);
+                && (self.want.fixed[own.clone()] != self.have.fixed[own.clone()]
+                    || self.want.u[own.clone()] != self.have.u[own]);
             of_controls || self.want.rows[rows.clone()] != self.have.rows[rows]
         };
         if let Some(k) = (0..=qp.n).rev().find(|k| differs(*k)) {
@@ -425,7 +426,8 @@ impl Stagewise {
             }
             let (k, j) = (i / nu, i % nu);
             let f = self.blocks.f(k);
-            let mut slope = self.g[k * w + j] + dot(&f.v[j * nx..(j + 1) * nx], &self.sweep.lambda[(k + 1) * nx..(k + 2) * nx]);
+            let mut slope =
+                self.g[k * w + j] + dot(&f.v[j * nx..(j + 1) * nx], &self.sweep.lambda[(k + 1) * nx..(k + 2) * nx]);
             for r in self.blocks.first[k]..self.blocks.first[k + 1] {
                 slope += self.blocks.row(r)[j] * self.y[self.n_u + r];
             }
@@ -446,8 +448,9 @@ impl Stagewise {
         for i in 0..self.state.len() {
             let ([lower, upper], v) = (self.bounds(i, qp), self.value(i));
             if self.state[i] == State::Out {
-                let (beyond, side, bound) = if v - upper > lower - v { (v - upper, 1.0, upper) } else { (lower - v, -1.0, lower) };
-                if !(beyond > 0.0) || beyond <= FEASIBLE * self.size(i, qp, largest, bound) {
+                let (beyond, side, bound) =
+                    if v - upper > lower - v { (v - upper, 1.0, upper) } else { (lower - v, -1.0, lower) };
+                if beyond.is_nan() || beyond <= 0.0 || beyond <= FEASIBLE * self.size(i, qp, largest, bound) {
                     continue;
                 }
                 self.side[i] = side;
@@ -680,7 +683,7 @@ impl Stagewise {
             self.aim_inside(qp, centre, true);
             self.newton(qp, x0, false);
             let t = (BOUNDARY * self.follow(qp)).min(1.0);
-            if !(t > f64::EPSILON) {
+            if t.is_nan() || t <= f64::EPSILON {
                 break;
             }
             self.make(qp, t);
@@ -810,7 +813,8 @@ impl Stagewise {
                 }
                 let i = n_u + r;
                 let (lower, upper) = (qp.row_lower[r], qp.row_upper[r]);
-                let y = if lower == upper { self.y[i] } else { self.sides[2 * i + 1].lambda - self.sides[2 * i].lambda };
+                let y =
+                    if lower == upper { self.y[i] } else { self.sides[2 * i + 1].lambda - self.sides[2 * i].lambda };
                 if y == 0.0 {
                     continue;
                 }
@@ -901,7 +905,7 @@ impl QpSolver for Stagewise {
         self.begin(qp, terms);
         let crossed = (0..self.state.len()).any(|i| {
             let [lower, upper] = self.bounds(i, qp);
-            self.price(i).0 == f64::INFINITY && !(lower <= upper)
+            self.price(i).0 == f64::INFINITY && (lower > upper || lower.is_nan() || upper.is_nan())
         });
         if crossed {
             self.start(qp, x0);
@@ -1070,6 +1074,10 @@ mod tests {
         });
         assert!(size.is_some() && last < 40, "nothing is active");
         let changed = (0..qp.n).filter(|i| solver.state[*i] != before[*i]).max().unwrap() as u64;
-        assert!(solver.stages <= 2 * (changed + 1) && changed < 30, "{} stages for a change at {changed}", solver.stages);
+        assert!(
+            solver.stages <= 2 * (changed + 1) && changed < 30,
+            "{} stages for a change at {changed}",
+            solver.stages
+        );
     }
 }
