@@ -30,9 +30,90 @@ use crate::linalg::csc::Pattern;
 /// [`Error::Range`] for a name that is no C identifier or occurs twice.
 pub fn write_c(functions: &[&ExprFunction]) -> Result<String> {
     let mut out = String::from(PREAMBLE);
+    let tapes = functions.iter().flat_map(|f| [f.value_tape(), f.jacobian_tape(), f.hessian_tape()]);
+    let names: Vec<&str> = functions.iter().map(|f| f.name()).collect();
+    declarations(&mut out, &names, tapes)?;
+    for f in functions {
+        function(&mut out, f);
+    }
+    Ok(out)
+}
+
+/// Numbers of C code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(i32)]
+#[non_exhaustive]
+pub enum CReal {
+    /// `double`
+    Double = 0,
+    /// `float`
+    Float = 1,
+}
+
+/// C code of values and Jacobians alone, under these names: what a controller calls. In single precision the functions are those of
+/// `<tgmath.h>`.
+///
+/// # Errors
+/// [`Error::Range`] for a name that is no C identifier or occurs twice, and for constants that single precision does not have.
+pub fn write_c_first(functions: &[(&str, &ExprFunction)], real: CReal) -> Result<String> {
+    let mut out = String::from(PREAMBLE);
+    let tapes = functions.iter().flat_map(|(_, f)| [f.value_tape(), f.jacobian_tape()]);
+    let names: Vec<&str> = functions.iter().map(|f| f.0).collect();
+    declarations(&mut out, &names, tapes)?;
+    for (name, f) in functions {
+        out.push('\n');
+        pattern(&mut out, &format!("{name}_jacobian"), f.jac_pattern());
+        body(&mut out, name, "value", f.value_tape(), false);
+        body(&mut out, name, "jacobian", f.jacobian_tape(), false);
+    }
+    match real {
+        CReal::Double => Ok(out),
+        CReal::Float => single(&out.replace("<math.h>", "<tgmath.h>")),
+    }
+}
+
+/// The same code in single precision: its type, and a suffix for all constants that are no integers.
+fn single(code: &str) -> Result<String> {
+    let bytes = code.as_bytes();
+    let in_word = |b: u8| b.is_ascii_alphanumeric() || b == b'_';
+    let (mut out, mut i) = (String::with_capacity(code.len()), 0);
+    while i < bytes.len() {
+        let from = i;
+        if bytes[i].is_ascii_digit() {
+            let in_number = |k: usize| in_word(bytes[k]) || bytes[k] == b'.' || (matches!(bytes[k], b'+' | b'-') && bytes[k - 1] == b'e');
+            while i < bytes.len() && (i == from || in_number(i)) {
+                i += 1;
+            }
+            let text = &code[from..i];
+            out.push_str(text);
+            if text.contains(['.', 'e']) && !text.starts_with("0x") {
+                let fits = text.parse::<f64>().is_ok_and(|v| (v as f32).is_finite());
+                if !fits {
+                    return Err(Error::Range(format!("the constant {text} is too large for single precision: take double")));
+                }
+                out.push('f');
+            }
+        } else if in_word(bytes[i]) {
+            while i < bytes.len() && in_word(bytes[i]) {
+                i += 1;
+            }
+            out.push_str(if &code[from..i] == "double" { "float" } else { &code[from..i] });
+        } else {
+            // text between tokens may have any characters
+            while i < bytes.len() && !in_word(bytes[i]) {
+                i += 1;
+            }
+            out.push_str(&code[from..i]);
+        }
+    }
+    Ok(out)
+}
+
+/// Checks all names and declares what is called.
+fn declarations<'a>(out: &mut String, own: &[&str], tapes: impl Iterator<Item = &'a Tape>) -> Result<()> {
     let mut names: Vec<&str> = Vec::new();
-    let externals = externals(functions);
-    for name in functions.iter().map(|f| f.name()).chain(externals.iter().map(|e| e.0.name())) {
+    let externals = externals(tapes);
+    for name in own.iter().copied().chain(externals.iter().map(|e| e.0.name())) {
         let identifier = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
             && name.chars().next().is_some_and(|c| !c.is_ascii_digit());
         if !identifier || names.contains(&name) {
@@ -43,18 +124,14 @@ pub fn write_c(functions: &[&ExprFunction]) -> Result<String> {
         names.push(name);
     }
     for (f, parts) in &externals {
-        declaration(&mut out, f.as_ref(), *parts);
+        declaration(out, f.as_ref(), *parts);
     }
-    for f in functions {
-        function(&mut out, f);
-    }
-    Ok(out)
+    Ok(())
 }
 
 /// External functions, each once, with what is called of them: value, Jacobian, Hessian.
-fn externals(functions: &[&ExprFunction]) -> Vec<(External, [bool; 3])> {
+fn externals<'a>(tapes: impl Iterator<Item = &'a Tape>) -> Vec<(External, [bool; 3])> {
     let mut found: Vec<(External, [bool; 3])> = Vec::new();
-    let tapes = functions.iter().flat_map(|f| [f.value_tape(), f.jacobian_tape(), f.hessian_tape()]);
     for compound in tapes.flat_map(|t| &t.compounds) {
         let Compound::Call { f, what, .. } = compound else { continue };
         let k = found.iter().position(|e| Arc::ptr_eq(&e.0, f)).unwrap_or_else(|| {

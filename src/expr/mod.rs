@@ -34,7 +34,7 @@ mod switching;
 mod tape;
 mod text;
 
-pub use c_code::write_c;
+pub use c_code::{write_c, write_c_first, CReal};
 pub use clauses::Clauses;
 pub use dag::{Block, Dag, Id, Node};
 pub use diff::Entry;

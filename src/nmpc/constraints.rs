@@ -29,21 +29,21 @@ pub(super) struct Stated {
 
 /// What a row of the program is.
 #[derive(Clone, Copy)]
-struct RowSource {
-    /// Number of the group, `usize::MAX` for bounds of states.
-    group: usize,
+pub(super) struct RowSource {
+    /// Number of the group, [`STATES`] for bounds of states.
+    pub group: usize,
     /// Output of its function, or the state.
-    out: usize,
-    lower: f64,
-    upper: f64,
+    pub out: usize,
+    pub lower: f64,
+    pub upper: f64,
 }
 
-const STATES: usize = usize::MAX;
+pub(super) const STATES: usize = usize::MAX;
 
 /// All rows, node by node.
 pub(super) struct Constraints {
-    groups: Vec<Many>,
-    sources: Vec<RowSource>,
+    pub groups: Vec<Many>,
+    pub sources: Vec<RowSource>,
     rows: Vec<Row>,
     /// Values of all rows at the last point.
     pub values: Vec<f64>,

@@ -74,13 +74,13 @@ enum Pending {
 /// A model predictive controller. All memory is taken when it is made, but for the logs of switches of systems that do.
 pub struct Nmpc {
     options: Options,
-    model: Model,
+    pub(super) model: Model,
     predictor: Box<dyn Stage>,
     lin: Linearisation,
     iterate: Iterate,
     other: Iterate,
     step: Step,
-    monitor: Monitor,
+    pub(super) monitor: Monitor,
     pending: Pending,
     /// A preparation has been made since the last feedback.
     prepared: bool,
@@ -453,9 +453,16 @@ impl Nmpc {
         if !self.seen || !needed {
             return;
         }
+        let [x, u, mut next] = [&mut self.x, &mut self.u, &mut self.predicted].map(std::mem::take);
+        self.has_prediction = self.step_model(&x, &u, &mut next);
+        (self.x, self.u, self.predicted) = (x, u, next);
+    }
+
+    /// The first stage of the model from a state under a control; false where functions have no value.
+    pub(super) fn step_model(&mut self, x: &[f64], u: &[f64], next: &mut [f64]) -> bool {
         let nodes = &self.model.nodes;
-        let at = Starts { x: &self.x, u: &self.u, p: &nodes.p[..nodes.np], t: &nodes.t[..1], h: &nodes.h[..1] };
-        self.has_prediction = self.predictor.values(&at, &mut self.predicted).is_ok();
+        let at = Starts { x, u, p: &nodes.p[..nodes.np], t: &nodes.t[..1], h: &nodes.h[..1] };
+        self.predictor.values(&at, next).is_ok()
     }
 
     /// Everything for the next sample that needs no measurement. `predicted` is the state it will find, where that is known better

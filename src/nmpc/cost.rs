@@ -9,13 +9,13 @@ use crate::system::SharedFunction;
 
 /// `s_k (f − y_k)ᵀ W (f − y_k)` at a range of nodes.
 pub(super) struct Squares {
-    f: Many,
+    pub f: Many,
     /// First node; as many follow as there are points.
-    first: usize,
+    pub first: usize,
     /// Multiplied by the lengths of the stages: an integral, by its value at the start of every stage.
-    by_length: bool,
+    pub by_length: bool,
     /// `W`, `[n_out²]`, symmetric; whether it is diagonal.
-    weights: Vec<f64>,
+    pub weights: Vec<f64>,
     diagonal: bool,
     /// `y`, one for every node.
     pub references: Vec<f64>,

@@ -60,6 +60,11 @@ impl Many {
         }
     }
 
+    /// The function.
+    pub fn function(&self) -> &SharedFunction {
+        &self.f
+    }
+
     pub fn n_out(&self) -> usize {
         self.f.n_out()
     }

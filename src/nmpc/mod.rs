@@ -14,10 +14,12 @@
 //! controller     schemes: real-time iterations, multi-level iterations, advanced steps
 //! monitor        contraction, times, counts
 //! standby        the last plan with its feedback law
+//! code           controllers as C files
 //! worker         preparations on a thread of their own
 //! ```
 
 mod branch;
+mod code;
 mod constraints;
 mod controller;
 mod cost;
@@ -33,6 +35,7 @@ mod stage;
 mod standby;
 mod worker;
 
+pub use code::CCode;
 pub use controller::{Feedback, Nmpc, Preparation};
 pub use iterate::Iterate;
 pub use linearise::HessianKind;

@@ -520,6 +520,38 @@ impl Stagewise {
         most
     }
 
+    /// What it costs to cut the controls of the point off at their bounds, by the derivative there: the largest `|∂J/∂u_j| |Δu_j|` of a single one. Where
+    /// the system is unstable it is far more than what a bound costs under feedback by all other controls, and so are the multipliers.
+    fn cost_of_cutting(&mut self, qp: &StageQp) -> f64 {
+        let (nx, nu, w) = (self.blocks.nx, self.blocks.nu, self.blocks.w);
+        self.kept.copy_from_slice(&self.z);
+        for k in 0..qp.n {
+            let (own, after) = self.kept[k * w..(k + 2) * w].split_at_mut(w);
+            for j in 0..nu {
+                own[j] = own[j].max(qp.u_lower[k * nu + j]).min(qp.u_upper[k * nu + j]);
+            }
+            qp.step(k, &own[nu..], &own[..nu], &mut after[nu..]);
+        }
+        self.blocks.gradient(qp, &self.kept, &mut self.g, &mut self.values);
+        let [own, before] = &mut self.spread;
+        own.copy_from_slice(&self.g[qp.n * w + nu..]);
+        let mut most = 0.0f64;
+        for k in (0..qp.n).rev() {
+            let (slope, of_state) = self.g[k * w..(k + 1) * w].split_at_mut(nu);
+            gemv_transposed(nx, nu, qp.b(k), own, slope);
+            before.copy_from_slice(of_state);
+            gemv_transposed(nx, nx, qp.a(k), own, before);
+            std::mem::swap(own, before);
+            for (j, slope) in slope.iter().enumerate() {
+                let cost = (slope * (self.z[k * w + j] - self.kept[k * w + j])).abs();
+                // a system that grows beyond all numbers says nothing
+                most = if cost.is_finite() { most.max(cost) } else { most };
+            }
+        }
+        self.evaluate(qp);
+        most
+    }
+
     /// Slacks and multipliers of the start: products are those of the largest violation.
     fn enter(&mut self, qp: &StageQp, mu: f64) {
         for i in 0..self.state.len() {
@@ -656,7 +688,7 @@ impl Stagewise {
         sum / count.max(1) as f64
     }
 
-    /// The interior point. `scale` is the largest violation of the start in units of the cost.
+    /// The interior point. `scale` is what constraints cost, by the start.
     fn interior(&mut self, qp: &StageQp, x0: &[f64], terms: &Terms, scale: f64) -> End {
         self.enter(qp, scale);
         self.pointed.fill(i8::MIN);
@@ -919,7 +951,7 @@ impl QpSolver for Stagewise {
         self.has_gaps = true;
         let mut end = self.settle(qp, x0, terms, PATIENCE);
         if end == End::Stuck {
-            let scale = self.start(qp, x0);
+            let scale = self.start(qp, x0).max(self.cost_of_cutting(qp));
             end = if scale > 0.0 { self.interior(qp, x0, terms, scale) } else { End::Stuck };
         }
         if end == End::Contradiction && self.iterations == 1 {

@@ -314,6 +314,10 @@ fn add_steps(f: f64, h: &[f64], x: &[f64], y: &mut [f64]) {
 }
 
 impl Stage for ExplicitRk {
+    fn explicit(&self) -> Option<(&SharedFunction, usize, &Tableau)> {
+        Some((self.f.function(), self.m, &self.tableau))
+    }
+
     fn values(&mut self, at: &Starts, next: &mut [f64]) -> EvalResult {
         self.forward(at, next, false)
     }

@@ -14,6 +14,8 @@ pub(super) use explicit::ExplicitRk;
 pub(super) use implicit::ImplicitRk;
 
 use crate::func::EvalResult;
+use crate::system::SharedFunction;
+use crate::tableau::Tableau;
 
 /// Where the stages start: node by node `x[n · nx]`, `u[n · nu]`, `p[n · np]`, times and lengths of the stages `[n]`.
 #[derive(Clone, Copy)]
@@ -55,6 +57,10 @@ pub(super) trait Stage: Send {
     ) -> EvalResult;
     /// `ψ_k`, and `(∂ψ_k/∂x)ᵀ λ_k`, `(∂ψ_k/∂u)ᵀ λ_k` by one reverse sweep: `gx[n · nx]`, `gu[n · nu]`.
     fn adjoint(&mut self, at: &Starts, lambda: &[f64], next: &mut [f64], gx: &mut [f64], gu: &mut [f64]) -> EvalResult;
+    /// Function, steps in a stage and tableau, where the method is an explicit one.
+    fn explicit(&self) -> Option<(&SharedFunction, usize, &Tableau)> {
+        None
+    }
     /// Evaluations so far.
     fn evaluations(&self) -> Evaluations;
     /// Why the last call had no value, in words, where that is known.

@@ -1,0 +1,1380 @@
+/* ---- memory: all of it ---- */
+
+enum { OUT = 0, IN = 1, BEYOND = 2 };
+enum { SOLVED, STUCK, CONTRADICTION };
+
+/* One bound of a constraint in the interior point: slack t, multiplier l, violation s with its multiplier n. */
+typedef struct {
+    real t, l, s, n;       /* where it is */
+    real gap, slope;       /* what is left of h + s - t = 0, and of the derivative by s */
+    real dt, dl, ds, dn;   /* the step */
+    real by_t, by_s;       /* centres less products */
+    int on, soft, linear;
+} side_t;
+
+/* A Riccati recursion: [L; Y] of every stage, the value of every node, and from which stage on they are valid. */
+typedef struct {
+    real panel[N * NW * NU];
+    real value[(N + 1) * NX * NX];
+    int valid;
+} recursion_t;
+
+static struct {
+    /* The plan, and the point of the program. */
+    real x[(N + 1) * NX], u[N * NU], at_x[(N + 1) * NX], at_u[N * NU];
+    real params[ROOM(NP)], references[ROOM(REFERENCES)];
+    /* The program: blocks [R S; S' Q], [B A], rows [D C], gradient, gaps, bounds less the point. */
+    real hess[(N + 1) * NW * NW], f[N * NX * NW], rows[ROOM(ROWS) * NW];
+    real grad[(N + 1) * NW], c[N * NX], lower[ALL], upper[ALL];
+    /* The solver. */
+    recursion_t free, now;
+    real want_u[N * NU], want_rows[ROOM(ROWS)], have_u[N * NU], have_rows[ROOM(ROWS)];
+    unsigned char want_fixed[N * NU], have_fixed[N * NU];
+    real reach[ALL], y[ALL], aim[ALL], dv[ALL], kept_y[ALL], sign[ALL];
+    unsigned char state[ALL];
+    signed char pointed[ALL], tried[ALL];
+    side_t sides[2 * ALL];
+    real z[(N + 1) * NW], g[(N + 1) * NW], gy[(N + 1) * NW], dz[(N + 1) * NW], kept[(N + 1) * NW];
+    real gaps[N * NX], values[ROOM(ROWS)], free_values[ROOM(ROWS)];
+    real lp[N * NU], p[(N + 1) * NX], lambda[(N + 1) * NX];
+    /* Scratch of a stage. */
+    real block[NW * NW], pf[NX * NW], h[NX], m[NW];
+    real k[RK * NX], s[NX * NW], sz[NX * NW], sk[RK * NX * NW], jac[ROOM(JACOBIAN)], value[ROOM(VALUES)], line[ROOM(VALUES) * NW];
+    real cov[NX * NX], gain[NU * NX], closed[NX * NX], product[NX * NX], noise[NX * NU];
+    /* The controller. */
+    real measured[NX], applied[NU], predicted[NX], price;
+    int elastic, has_gaps, ready, prepared, pending, seen, unshifted, has_prediction, violating, entry, started, iterations;
+} w;
+
+const unsigned long PREFIX(arena_bytes) = (unsigned long)sizeof w;
+
+static void copy(int n, const real *from, real *to) {
+    int i;
+    for (i = 0; i < n; i++)
+        to[i] = from[i];
+}
+
+static void fill(int n, real v, real *to) {
+    int i;
+    for (i = 0; i < n; i++)
+        to[i] = v;
+}
+
+static real dot(int n, const real *a, const real *b) {
+    real s = 0;
+    int i;
+    for (i = 0; i < n; i++)
+        s += a[i] * b[i];
+    return s;
+}
+
+static void axpy(int n, real f, const real *a, real *to) {
+    int i;
+    for (i = 0; i < n; i++)
+        to[i] += f * a[i];
+}
+
+/* y += A x, y += A' x, with m x n entries, columns ld apart. */
+static void gemv(int m, int n, const real *a, int ld, const real *x, real *y) {
+    int j;
+    for (j = 0; j < n; j++)
+        axpy(m, x[j], &a[j * ld], y);
+}
+
+static void gemv_transposed(int m, int n, const real *a, int ld, const real *x, real *y) {
+    int j;
+    for (j = 0; j < n; j++)
+        y[j] += dot(m, &a[j * ld], x);
+}
+
+/* L v = b and L' v = b in place. */
+static void forth(int n, const real *l, int ld, real *v) {
+    int j;
+    for (j = 0; j < n; j++) {
+        v[j] /= l[j + j * ld];
+        axpy(n - j - 1, -v[j], &l[j + 1 + j * ld], &v[j + 1]);
+    }
+}
+
+static void back(int n, const real *l, int ld, real *v) {
+    int j;
+    for (j = n - 1; j >= 0; j--)
+        v[j] = (v[j] - dot(n - j - 1, &l[j + 1 + j * ld], &v[j + 1])) / l[j + j * ld];
+}
+
+static real absolute(real v) {
+    return v < 0 ? -v : v;
+}
+
+static int is_finite(real v) {
+    return v - v == 0;
+}
+
+static int all_finite(int n, const real *v) {
+    int i;
+    for (i = 0; i < n; i++)
+        if (!is_finite(v[i]))
+            return 0;
+    return 1;
+}
+
+static real larger(real a, real b) {
+    return a > b ? a : b;
+}
+
+static real smaller(real a, real b) {
+    return a < b ? a : b;
+}
+
+static real within(real v, real lower, real upper) {
+    return smaller(larger(v, lower), upper);
+}
+
+/* ---- the problem: dynamics, costs, constraints at a point ---- */
+
+static real time_of(int k) {
+    return T[k];
+}
+
+/* The control that counts at a node: at the last one that of the last stage. */
+static const real *control_at(const real *u, int k) {
+    return &u[(k < N ? k : N - 1) * NU];
+}
+
+/* One stage of Runge-Kutta steps; with f also its derivatives [B A]. */
+static int stage_of(int k, const real *x, const real *u, real *next, real *f) {
+    const real step = H[k] / STEPS;
+    int q, i, j, e, col, r;
+    copy(NX, x, next);
+    if (f != 0) {
+        fill(NX * NW, 0, w.s);
+        for (i = 0; i < NX; i++)
+            w.s[i + (NU + i) * NX] = 1;
+    }
+    for (q = 0; q < STEPS; q++) {
+        for (i = 0; i < RK; i++) {
+            real z[NX];
+            real *own = &w.sk[i * NX * NW];
+            copy(NX, next, z);
+            for (j = 0; j < i; j++)
+                axpy(NX, RK_A[i * RK + j] * step, &w.k[j * NX], z);
+            if (call_value(0, time_of(k) + ((real)q + RK_C[i]) * step, z, u, w.params, &w.k[i * NX]) != 0)
+                return 0;
+            if (f == 0)
+                continue;
+            if (call_jacobian(0, time_of(k) + ((real)q + RK_C[i]) * step, z, u, w.params, w.jac) != 0)
+                return 0;
+            copy(NX * NW, w.s, w.sz);
+            for (j = 0; j < i; j++)
+                axpy(NX * NW, RK_A[i * RK + j] * step, &w.sk[j * NX * NW], w.sz);
+            fill(NX * NW, 0, own);
+            e = 0;
+            for (col = 0; col < NX + NU; col++) {
+                for (; e < (int)FUN_COLS[0][col + 1]; e++) {
+                    const int row = (int)FUN_ROWS[0][e];
+                    if (col >= NX) {
+                        own[row + (col - NX) * NX] += w.jac[e];
+                        continue;
+                    }
+                    for (r = 0; r < NW; r++)
+                        own[row + r * NX] += w.jac[e] * w.sz[col + r * NX];
+                }
+            }
+        }
+        for (i = 0; i < RK; i++) {
+            axpy(NX, RK_B[i] * step, &w.k[i * NX], next);
+            if (f != 0)
+                axpy(NX * NW, RK_B[i] * step, &w.sk[i * NX * NW], w.s);
+        }
+    }
+    if (f != 0)
+        copy(NX * NW, w.s, f);
+    return all_finite(NX, next) && (f == 0 || all_finite(NX * NW, f));
+}
+
+/* Value of a function at a node of the point, and its derivatives by [u x] row by row. */
+static int function_at(int fun, int k) {
+    const real *x = &w.at_x[k * NX], *u = control_at(w.at_u, k);
+    int e = 0, col;
+    if (call_value(fun, time_of(k), x, u, w.params, w.value) != 0 || call_jacobian(fun, time_of(k), x, u, w.params, w.jac) != 0)
+        return 0;
+    fill(FUN_OUT[fun] * NW, 0, w.line);
+    for (col = 0; col < NX + NU; col++)
+        for (; e < (int)FUN_COLS[fun][col + 1]; e++)
+            if (col < NX || k < N)
+                w.line[(int)FUN_ROWS[fun][e] * NW + (col < NX ? NU + col : col - NX)] += w.jac[e];
+    return all_finite(FUN_OUT[fun], w.value) && all_finite(FUN_OUT[fun] * NW, w.line);
+}
+
+/* Gradient of the cost at the point, and its Hessian where that is wanted: 2 s J' W (f - y), 2 s J' W J. */
+static int costs(int second) {
+    int term, q, i, j, a, b;
+    fill((N + 1) * NW, 0, w.grad);
+    if (second)
+        fill((N + 1) * NW * NW, 0, w.hess);
+    for (term = 0; term < TERMS; term++) {
+        const int outs = FUN_OUT[1 + term];
+        const real *weights = &WEIGHTS[TERM_WEIGHTS[term]];
+        for (q = 0; q < TERM_COUNT[term]; q++) {
+            const int k = TERM_FIRST[term] + q;
+            const real *y = &w.references[TERM_REFERENCES[term] + q * outs];
+            const real scale = 2 * (TERM_BY_LENGTH[term] ? H[k] : 1);
+            if (!function_at(1 + term, k))
+                return 0;
+            for (i = 0; i < outs; i++) {
+                for (j = 0; j < outs; j++) {
+                    const real weight = scale * weights[i * outs + j];
+                    const real *left = &w.line[i * NW], *right = &w.line[j * NW];
+                    if (weight == 0)
+                        continue;
+                    axpy(NW, weight * (w.value[j] - y[j]), left, &w.grad[k * NW]);
+                    for (a = 0; second && a < NW; a++)
+                        for (b = 0; b < NW; b++)
+                            w.hess[k * NW * NW + a + b * NW] += weight * left[a] * right[b];
+                }
+            }
+        }
+    }
+    return 1;
+}
+
+static int constraints(void) {
+    int r, fun = -1, node = -1;
+    for (r = 0; r < ROWS; r++) {
+        real *row = &w.rows[r * NW], value;
+        const int k = ROW_NODE[r], out = ROW_OUT[r];
+        if (ROW_FUN[r] == 0) {
+            fill(NW, 0, row);
+            row[NU + out] = 1;
+            value = w.at_x[k * NX + out];
+        } else {
+            if ((fun != ROW_FUN[r] || node != k) && !function_at(ROW_FUN[r], k))
+                return 0;
+            fun = ROW_FUN[r];
+            node = k;
+            copy(NW, &w.line[out * NW], row);
+            value = w.value[out];
+        }
+        w.lower[N * NU + r] = ROW_LOWER[r] - value;
+        w.upper[N * NU + r] = ROW_UPPER[r] - value;
+    }
+    return 1;
+}
+
+/* ---- Riccati recursions ---- */
+
+static int riccati_stage(recursion_t *q, const real *weight_u, const real *weight_rows, const unsigned char *fixed, int k) {
+    const real *next = &q->value[(k < N ? k + 1 : 0) * NX * NX], *f = &w.f[(k < N ? k : 0) * NX * NW];
+    real *b = w.block;
+    int i, j, l, r;
+    copy(NW * NW, &w.hess[k * NW * NW], b);
+    for (r = ROW_FIRST[k]; r < ROW_FIRST[k + 1]; r++)
+        if (weight_rows[r] != 0)
+            for (j = 0; j < NW; j++)
+                axpy(NW - j, weight_rows[r] * w.rows[r * NW + j], &w.rows[r * NW + j], &b[j * (NW + 1)]);
+    if (k < N) {
+        real *panel = &q->panel[k * NW * NU];
+        fill(NX * NW, 0, w.pf);
+        for (j = 0; j < NW; j++)
+            gemv(NX, NX, next, NX, &f[j * NX], &w.pf[j * NX]);
+        for (j = 0; j < NW; j++)
+            for (i = j; i < NW; i++)
+                b[i + j * NW] += dot(NX, &f[i * NX], &w.pf[j * NX]);
+        for (j = 0; j < NU; j++) {
+            if (fixed[k * NU + j]) {
+                fill(NW - j, 0, &b[j * (NW + 1)]);
+                for (l = 0; l < j; l++)
+                    b[j + l * NW] = 0;
+                b[j * (NW + 1)] = 1;
+            } else {
+                b[j * (NW + 1)] += weight_u[k * NU + j];
+            }
+        }
+        /* Cholesky's factor of the controls, and of what is below them */
+        for (j = 0; j < NU; j++) {
+            const real scale = absolute(b[j * (NW + 1)]);
+            real root;
+            for (l = 0; l < j; l++)
+                axpy(NW - j, -b[j + l * NW], &b[j + l * NW], &b[j * (NW + 1)]);
+            root = b[j * (NW + 1)];
+            if (!(root > NU * EPSILON * scale) || !is_finite(root))
+                return 0;
+            root = SQRT(root);
+            b[j * (NW + 1)] = root;
+            for (i = j + 1; i < NW; i++)
+                b[i + j * NW] /= root;
+        }
+        copy(NW * NU, b, panel);
+        for (j = NU; j < NW; j++)
+            for (l = 0; l < NU; l++)
+                axpy(NW - j, -b[j + l * NW], &b[j + l * NW], &b[j * (NW + 1)]);
+    }
+    for (j = 0; j < NX; j++)
+        for (i = j; i < NX; i++) {
+            const real v = b[NU + i + (NU + j) * NW];
+            q->value[k * NX * NX + i + j * NX] = v;
+            q->value[k * NX * NX + j + i * NX] = v;
+        }
+    return all_finite(NX * NX, &q->value[k * NX * NX]);
+}
+
+static int riccati(recursion_t *q, const real *weight_u, const real *weight_rows, const unsigned char *fixed) {
+    while (q->valid > 0) {
+        if (!riccati_stage(q, weight_u, weight_rows, fixed, q->valid - 1))
+            return 0;
+        q->valid--;
+    }
+    return 1;
+}
+
+/* A Newton step to dz: back with the gradient gy, forth from dx0. */
+static void sweeps(const recursion_t *q, const unsigned char *fixed, const real *dx0) {
+    int k, j;
+    copy(NX, &w.gy[N * NW + NU], &w.p[N * NX]);
+    for (k = N - 1; k >= 0; k--) {
+        const real *panel = &q->panel[k * NW * NU];
+        copy(NX, &w.p[(k + 1) * NX], w.h);
+        if (w.has_gaps)
+            gemv(NX, NX, &q->value[(k + 1) * NX * NX], NX, &w.gaps[k * NX], w.h);
+        copy(NW, &w.gy[k * NW], w.m);
+        gemv_transposed(NX, NW, &w.f[k * NX * NW], NX, w.h, w.m);
+        for (j = 0; j < NU; j++)
+            if (fixed != 0 && fixed[k * NU + j])
+                w.m[j] = 0;
+        forth(NU, panel, NW, w.m);
+        copy(NU, w.m, &w.lp[k * NU]);
+        for (j = 0; j < NU; j++)
+            axpy(NX, -w.m[j], &panel[NU + j * NW], &w.m[NU]);
+        copy(NX, &w.m[NU], &w.p[k * NX]);
+    }
+    copy(NX, dx0, &w.dz[NU]);
+    for (k = 0; k <= N; k++) {
+        real *u = &w.dz[k * NW], *x = &u[NU];
+        copy(NX, &w.p[k * NX], &w.lambda[k * NX]);
+        gemv(NX, NX, &q->value[k * NX * NX], NX, x, &w.lambda[k * NX]);
+        if (k == N) {
+            fill(NU, 0, u);
+            break;
+        }
+        copy(NU, &w.lp[k * NU], u);
+        gemv_transposed(NX, NU, &q->panel[k * NW * NU + NU], NW, x, u);
+        back(NU, &q->panel[k * NW * NU], NW, u);
+        for (j = 0; j < NU; j++)
+            u[j] = -u[j];
+        if (w.has_gaps)
+            copy(NX, &w.gaps[k * NX], &u[NW + NU]);
+        else
+            fill(NX, 0, &u[NW + NU]);
+        gemv(NX, NW, &w.f[k * NX * NW], NX, u, &u[NW + NU]);
+    }
+}
+
+/* How far constraints move for a unit of their multiplier: bounds of controls by themselves, rows with all controls, by covariances of the
+   system under its feedback law with white noise. */
+static void reaches(void) {
+    int k, i, j, l, r;
+    for (i = 0; i < N * NU; i++) {
+        fill(NU, 0, w.m);
+        w.m[i % NU] = 1;
+        forth(NU, &w.free.panel[i / NU * NW * NU], NW, w.m);
+        w.reach[i] = dot(NU, w.m, w.m);
+    }
+    if (ROWS == 0)
+        return;
+    fill(NX * NX, 0, w.cov);
+    for (k = 0; k <= N; k++) {
+        const real *panel = &w.free.panel[(k < N ? k : 0) * NW * NU], *f = &w.f[(k < N ? k : 0) * NX * NW];
+        for (i = 0; k < N && i < NX; i++) {
+            for (j = 0; j < NU; j++)
+                w.gain[j + i * NU] = -panel[NU + i + j * NW];
+            back(NU, panel, NW, &w.gain[i * NU]);
+        }
+        for (r = ROW_FIRST[k]; r < ROW_FIRST[k + 1]; r++) {
+            copy(NW, &w.rows[r * NW], w.m);
+            if (k < N) {
+                gemv_transposed(NU, NX, w.gain, NU, w.m, &w.m[NU]);
+                forth(NU, panel, NW, w.m);
+            }
+            fill(NX, 0, w.h);
+            gemv(NX, NX, w.cov, NX, &w.m[NU], w.h);
+            w.reach[N * NU + r] = dot(NX, &w.m[NU], w.h) + dot(NU, w.m, w.m);
+        }
+        if (k == N)
+            break;
+        copy(NX * NX, &f[NU * NX], w.closed);
+        fill(NX * NX, 0, w.product);
+        for (j = 0; j < NX; j++)
+            gemv(NX, NU, f, NX, &w.gain[j * NU], &w.closed[j * NX]);
+        for (j = 0; j < NX; j++)
+            gemv(NX, NX, w.closed, NX, &w.cov[j * NX], &w.product[j * NX]);
+        fill(NX * NX, 0, w.cov);
+        for (j = 0; j < NX; j++)
+            for (l = 0; l < NX; l++)
+                axpy(NX, w.closed[j + l * NX], &w.product[l * NX], &w.cov[j * NX]);
+        copy(NX * NU, f, w.noise);
+        for (j = 0; j < NU; j++) {
+            for (i = 0; i < NX; i++)
+                w.noise[i + j * NX] /= panel[j + j * NW];
+            for (l = j + 1; l < NU; l++)
+                axpy(NX, -panel[l + j * NW], &w.noise[j * NX], &w.noise[l * NX]);
+        }
+        for (j = 0; j < NX; j++)
+            for (l = 0; l < NU; l++)
+                axpy(NX, w.noise[j + l * NX], &w.noise[l * NX], &w.cov[j * NX]);
+    }
+}
+
+/* ---- the active set ---- */
+
+static int place_of(int i) {
+    return i / NU * NW + i % NU;
+}
+
+static real value_of(int i) {
+    return i < N * NU ? w.z[place_of(i)] : w.values[i - N * NU];
+}
+
+static real bound_of(int i) {
+    return w.sign[i] > 0 ? w.upper[i] : w.lower[i];
+}
+
+static int is_hard(int i) {
+    return i < N * NU || (!is_finite(ROW_LINEAR[i - N * NU]) && !w.elastic);
+}
+
+static real linear_of(int i) {
+    return is_finite(ROW_LINEAR[i - N * NU]) ? ROW_LINEAR[i - N * NU] : w.price;
+}
+
+static real quadratic_of(int i) {
+    return ROW_QUADRATIC[i - N * NU];
+}
+
+static int is_equation(int i) {
+    return w.lower[i] == w.upper[i] && is_hard(i);
+}
+
+static int stays_beyond(int i) {
+    return w.reach[i] == 0 || (!is_hard(i) && linear_of(i) == 0);
+}
+
+static real size_of(int i, real largest, real bound) {
+    real s = 0;
+    int j;
+    if (i < N * NU)
+        return largest + absolute(bound);
+    for (j = 0; j < NW; j++)
+        s += absolute(w.rows[(i - N * NU) * NW + j] * w.z[ROW_NODE[i - N * NU] * NW + j]);
+    return s + absolute(bound);
+}
+
+static real stiff(int i) {
+    return STIFF / w.reach[i];
+}
+
+static void begin(void) {
+    int i;
+    for (i = 0; i < ALL; i++) {
+        if (is_equation(i))
+            w.state[i] = IN;
+        if (w.state[i] == OUT)
+            continue;
+        if (!is_finite(bound_of(i)))
+            w.state[i] = OUT;
+        else if (w.state[i] == BEYOND && is_hard(i))
+            w.state[i] = IN;
+        if (i >= N * NU && w.reach[i] == 0)
+            w.state[i] = OUT;
+    }
+}
+
+static void clear_weights(void) {
+    int i;
+    fill(N * NU, 0, w.want_u);
+    fill(ROWS, 0, w.want_rows);
+    for (i = 0; i < N * NU; i++)
+        w.want_fixed[i] = 0;
+}
+
+/* Weights of the active set, fixed controls to their bounds; is it empty? */
+static int place(void) {
+    int i, empty = 1;
+    clear_weights();
+    for (i = 0; i < ALL; i++) {
+        if (w.state[i] == OUT)
+            continue;
+        empty = 0;
+        if (i < N * NU) {
+            w.want_fixed[i] = 1;
+            if (w.z[place_of(i)] != bound_of(i))
+                w.has_gaps = 1;
+            w.z[place_of(i)] = bound_of(i);
+        } else {
+            w.want_rows[i - N * NU] = w.state[i] == BEYOND ? 2 * quadratic_of(i) : stiff(i);
+        }
+    }
+    return empty;
+}
+
+static int factorise(void) {
+    int k, i, last = -1;
+    for (k = N; k >= 0 && last < 0; k--) {
+        for (i = k * NU; k < N && i < (k + 1) * NU; i++)
+            if (w.want_fixed[i] != w.have_fixed[i] || w.want_u[i] != w.have_u[i])
+                last = k;
+        for (i = ROW_FIRST[k]; i < ROW_FIRST[k + 1]; i++)
+            if (w.want_rows[i] != w.have_rows[i])
+                last = k;
+    }
+    if (last >= 0) {
+        if (w.now.valid < last + 1)
+            w.now.valid = last + 1;
+        copy(N * NU, w.want_u, w.have_u);
+        copy(ROWS, w.want_rows, w.have_rows);
+        for (i = 0; i < N * NU; i++)
+            w.have_fixed[i] = w.want_fixed[i];
+    }
+    return riccati(&w.now, w.have_u, w.have_rows, w.have_fixed);
+}
+
+/* Gradient of the cost, values of rows and gaps of the dynamics at z. */
+static void evaluate(void) {
+    int k, r;
+    for (k = 0; k <= N; k++) {
+        const real *z = &w.z[k * NW];
+        copy(NW, &w.grad[k * NW], &w.g[k * NW]);
+        gemv(NW, NW, &w.hess[k * NW * NW], NW, z, &w.g[k * NW]);
+        for (r = ROW_FIRST[k]; r < ROW_FIRST[k + 1]; r++)
+            w.values[r] = dot(NW, &w.rows[r * NW], z);
+        if (w.has_gaps && k < N) {
+            copy(NX, &w.c[k * NX], &w.gaps[k * NX]);
+            gemv(NX, NW, &w.f[k * NX * NW], NX, z, &w.gaps[k * NX]);
+            axpy(NX, -1, &z[NW + NU], &w.gaps[k * NX]);
+        }
+    }
+}
+
+static void newton(const real *x0, int empty) {
+    real dx0[NX];
+    int i;
+    copy((N + 1) * NW, w.g, w.gy);
+    for (i = 0; i < N * NU; i++)
+        w.gy[place_of(i)] += w.aim[i];
+    for (i = N * NU; i < ALL; i++)
+        if (w.aim[i] != 0)
+            axpy(NW, w.aim[i], &w.rows[(i - N * NU) * NW], &w.gy[ROW_NODE[i - N * NU] * NW]);
+    for (i = 0; i < NX; i++)
+        dx0[i] = x0[i] - w.z[NU + i];
+    if (empty)
+        sweeps(&w.free, 0, dx0);
+    else
+        sweeps(&w.now, w.have_fixed, dx0);
+}
+
+static void aim_at_active(void) {
+    int i;
+    fill(ALL, 0, w.aim);
+    for (i = N * NU; i < ALL; i++) {
+        const real beyond = w.values[i - N * NU] - bound_of(i);
+        if (w.state[i] == IN)
+            w.aim[i] = w.y[i] + stiff(i) * beyond;
+        else if (w.state[i] == BEYOND)
+            w.aim[i] = w.sign[i] * linear_of(i) + 2 * quadratic_of(i) * beyond;
+    }
+}
+
+static void multipliers_of_active(void) {
+    int i, r;
+    for (i = N * NU; i < ALL; i++) {
+        r = i - N * NU;
+        w.y[i] = w.aim[i];
+        if (w.want_rows[r] != 0)
+            w.y[i] += w.want_rows[r] * dot(NW, &w.rows[r * NW], &w.dz[ROW_NODE[r] * NW]);
+    }
+    for (i = 0; i < N * NU; i++) {
+        const int k = i / NU, j = i % NU;
+        real slope;
+        w.y[i] = 0;
+        if (w.state[i] == OUT)
+            continue;
+        slope = w.g[k * NW + j] + dot(NX, &w.f[k * NX * NW + j * NX], &w.lambda[(k + 1) * NX]);
+        for (r = ROW_FIRST[k]; r < ROW_FIRST[k + 1]; r++)
+            slope += w.rows[r * NW + j] * w.y[N * NU + r];
+        w.y[i] = -slope;
+    }
+}
+
+/* The next active set by the signs at the point: the number of changes, or -1 where a row is violated that nothing can move. */
+static int revise(int *open) {
+    real largest = 0;
+    int i, changes = 0;
+    *open = 0;
+    for (i = 0; i < N * NU; i++)
+        largest = larger(largest, absolute(w.z[place_of(i)]));
+    for (i = 0; i < ALL; i++) {
+        const real lower = w.lower[i], upper = w.upper[i], v = value_of(i);
+        real bound, tolerance, beyond, multiplier, most;
+        if (w.state[i] == OUT) {
+            const int up = v - upper > lower - v;
+            beyond = up ? v - upper : lower - v;
+            bound = up ? upper : lower;
+            if (!(beyond > 0) || beyond <= FEASIBLE * size_of(i, largest, bound))
+                continue;
+            w.sign[i] = (real)(up ? 1 : -1);
+            changes++;
+            if (w.reach[i] == 0 && is_hard(i))
+                return -1;
+            w.state[i] = (unsigned char)(stays_beyond(i) ? BEYOND : IN);
+            continue;
+        }
+        bound = bound_of(i);
+        tolerance = FEASIBLE * size_of(i, largest, bound);
+        beyond = w.sign[i] * (v - bound);
+        if (w.state[i] == BEYOND) {
+            if (beyond < -tolerance) {
+                w.state[i] = (unsigned char)(stays_beyond(i) ? OUT : IN);
+                w.y[i] = w.sign[i] * linear_of(i);
+                changes++;
+            }
+            continue;
+        }
+        if (i >= N * NU && absolute(beyond) > tolerance)
+            *open = 1;
+        if (is_equation(i))
+            continue;
+        multiplier = w.sign[i] * w.y[i];
+        most = is_hard(i) ? INFINITY : linear_of(i);
+        if (multiplier * w.reach[i] < -tolerance) {
+            if (lower == upper) {
+                w.sign[i] = -w.sign[i];
+                if (-multiplier > most) {
+                    w.state[i] = BEYOND;
+                    changes++;
+                }
+            } else {
+                w.state[i] = OUT;
+                w.y[i] = 0;
+                changes++;
+            }
+        } else if ((multiplier - most) * w.reach[i] > tolerance) {
+            w.state[i] = BEYOND;
+            changes++;
+        }
+    }
+    return changes;
+}
+
+static int settle(const real *x0, int patience) {
+    int fewest = ALL + 1, vain = 0, corrections = 0, known = 0, pass, i;
+    for (pass = 0; pass < MOST; pass++) {
+        const int gaps_before = w.has_gaps;
+        int empty, changes, open, stiff_rows = 0;
+        w.iterations++;
+        empty = place();
+        if (!known || (w.has_gaps && !gaps_before))
+            evaluate();
+        aim_at_active();
+        if (!empty && !factorise())
+            return STUCK;
+        newton(x0, empty);
+        axpy((N + 1) * NW, 1, w.dz, w.z);
+        w.has_gaps = 0;
+        evaluate();
+        known = 1;
+        multipliers_of_active();
+        changes = revise(&open);
+        if (changes < 0)
+            return CONTRADICTION;
+        if (changes == 0) {
+            for (i = N * NU; i < ALL; i++)
+                if (w.state[i] == IN)
+                    stiff_rows = 1;
+            if (!open && (corrections > 0 || !stiff_rows))
+                return SOLVED;
+            if (corrections == CORRECTIONS)
+                return STUCK;
+            corrections++;
+        } else if (changes < fewest) {
+            fewest = changes;
+            vain = 0;
+        } else {
+            vain++;
+            if (vain > patience)
+                return STUCK;
+        }
+    }
+    return STUCK;
+}
+
+/* ---- the interior point ---- */
+
+/* The solution without constraints, and how far it violates them, in units of the cost. */
+static real start(const real *x0) {
+    real most = 0;
+    int i;
+    fill((N + 1) * NW, 0, w.z);
+    fill(ALL, 0, w.aim);
+    w.has_gaps = 1;
+    evaluate();
+    newton(x0, 1);
+    copy((N + 1) * NW, w.dz, w.z);
+    w.has_gaps = 0;
+    evaluate();
+    copy(ROWS, w.values, w.free_values);
+    for (i = 0; i < ALL; i++) {
+        const real beyond = larger(value_of(i) - w.upper[i], w.lower[i] - value_of(i));
+        if (beyond > 0 && w.reach[i] > 0)
+            most = larger(most, beyond * beyond / w.reach[i]);
+    }
+    return most;
+}
+
+/* What it costs to cut the controls of the point off at their bounds, by the derivative there. */
+static real cost_of_cutting(void) {
+    real most = 0, before[NX], own[NX];
+    int k, j;
+    copy((N + 1) * NW, w.z, w.kept);
+    for (k = 0; k < N; k++) {
+        real *z = &w.kept[k * NW], *next = &z[NW + NU];
+        for (j = 0; j < NU; j++)
+            z[j] = within(z[j], w.lower[k * NU + j], w.upper[k * NU + j]);
+        copy(NX, &w.c[k * NX], next);
+        gemv(NX, NW, &w.f[k * NX * NW], NX, z, next);
+    }
+    for (k = N; k >= 0; k--) {
+        copy(NW, &w.grad[k * NW], w.m);
+        gemv(NW, NW, &w.hess[k * NW * NW], NW, &w.kept[k * NW], w.m);
+        copy(NX, &w.m[NU], before);
+        if (k < N) {
+            gemv_transposed(NX, NU, &w.f[k * NX * NW], NX, own, w.m);
+            gemv_transposed(NX, NX, &w.f[k * NX * NW + NU * NX], NX, own, before);
+            for (j = 0; j < NU; j++) {
+                const real cost = absolute(w.m[j] * (w.z[k * NW + j] - w.kept[k * NW + j]));
+                if (is_finite(cost))
+                    most = larger(most, cost);
+            }
+        }
+        copy(NX, before, own);
+    }
+    return most;
+}
+
+static void enter(real mu) {
+    int i, up;
+    for (i = 0; i < ALL; i++) {
+        const int equation = is_equation(i), hard = is_hard(i);
+        const real v = value_of(i), unit = SQRT(mu * w.reach[i]);
+        w.y[i] = 0;
+        if (equation && i < N * NU) {
+            if (w.z[place_of(i)] != w.lower[i])
+                w.has_gaps = 1;
+            w.z[place_of(i)] = w.lower[i];
+        }
+        for (up = 0; up < 2; up++) {
+            const real h = up ? w.upper[i] - v : v - w.lower[i];
+            side_t *s = &w.sides[2 * i + up];
+            s->on = is_finite(h) && !equation && w.reach[i] > 0;
+            s->soft = 0;
+            s->linear = 0;
+            s->t = s->l = s->s = s->n = s->gap = s->slope = s->dt = s->dl = s->ds = s->dn = s->by_t = s->by_s = 0;
+            if (!s->on)
+                continue;
+            s->soft = !hard;
+            s->linear = !hard && linear_of(i) > 0;
+            s->t = larger(absolute(h), unit);
+            s->l = mu / s->t;
+            if (s->linear) {
+                real most;
+                s->s = unit;
+                most = linear_of(i) + 2 * quadratic_of(i) * s->s;
+                s->l = smaller(s->l, most / 2);
+                s->n = most - s->l;
+            } else if (s->soft) {
+                s->s = s->l / (2 * quadratic_of(i));
+            }
+        }
+    }
+}
+
+static real stiffness_of(const side_t *s, real quadratic) {
+    return 2 * quadratic + (s->linear ? s->n / s->s : 0);
+}
+
+static real push_of(const side_t *s) {
+    return s->slope + (s->linear ? s->by_s / s->s : 0);
+}
+
+static void aim_inside(real mu, int corrected) {
+    int i, up;
+    for (i = 0; i < ALL; i++) {
+        const real v = value_of(i);
+        real weight = 0, aim = 0;
+        if (i >= N * NU && is_equation(i) && w.reach[i] > 0) {
+            weight = stiff(i);
+            aim = w.y[i] + weight * (v - w.lower[i]);
+        }
+        if (w.reach[i] == 0 && !is_hard(i)) {
+            const real beyond = larger(larger(v - w.upper[i], w.lower[i] - v), 0);
+            aim = beyond > 0 ? (v > w.upper[i] ? 1 : -1) * (linear_of(i) + 2 * quadratic_of(i) * beyond) : 0;
+            w.y[i] = aim;
+        }
+        for (up = 0; up < 2; up++) {
+            side_t *s = &w.sides[2 * i + up];
+            real over = 0, own, scale;
+            if (!s->on)
+                continue;
+            s->gap = (up ? w.upper[i] - v : v - w.lower[i]) + s->s - s->t;
+            s->by_t = mu - s->t * s->l - (corrected ? s->dt * s->dl : 0);
+            own = s->gap;
+            if (s->soft) {
+                s->slope = s->l + s->n - linear_of(i) - 2 * quadratic_of(i) * s->s;
+                if (s->linear)
+                    s->by_s = mu - s->s * s->n - (corrected ? s->ds * s->dn : 0);
+                over = 1 / stiffness_of(s, quadratic_of(i));
+                own += push_of(s) * over;
+            }
+            scale = s->t + s->l * over;
+            weight += s->l / scale;
+            aim += (up ? 1 : -1) * (s->l + (s->by_t - s->l * own) / scale);
+        }
+        if (i < N * NU) {
+            w.want_u[i] = weight;
+            w.want_fixed[i] = (unsigned char)(w.lower[i] == w.upper[i]);
+        } else {
+            w.want_rows[i - N * NU] = weight;
+        }
+        w.aim[i] = aim;
+    }
+}
+
+static real shorter(real longest, real v, real d) {
+    return d < 0 ? smaller(longest, -v / d) : longest;
+}
+
+/* How slacks and multipliers move with the step; the longest share of it that keeps them positive. */
+static real follow(void) {
+    real longest = INFINITY;
+    int i, up;
+    for (i = 0; i < ALL; i++) {
+        if (i < N * NU)
+            w.dv[i] = w.dz[place_of(i)];
+        else
+            w.dv[i] = dot(NW, &w.rows[(i - N * NU) * NW], &w.dz[ROW_NODE[i - N * NU] * NW]);
+        for (up = 0; up < 2; up++) {
+            side_t *s = &w.sides[2 * i + up];
+            const real dh = up ? -w.dv[i] : w.dv[i];
+            real over = 0, own = 0;
+            if (!s->on)
+                continue;
+            if (s->soft) {
+                over = 1 / stiffness_of(s, quadratic_of(i));
+                own = push_of(s) * over;
+            }
+            s->dl = (s->by_t - s->l * (s->gap + own + dh)) / (s->t + s->l * over);
+            s->ds = s->soft ? s->dl * over + own : 0;
+            s->dt = dh + s->ds + s->gap;
+            longest = shorter(shorter(longest, s->t, s->dt), s->l, s->dl);
+            if (s->linear) {
+                s->dn = (s->by_s - s->n * s->ds) / s->s;
+                longest = shorter(shorter(longest, s->s, s->ds), s->n, s->dn);
+            }
+        }
+    }
+    return longest;
+}
+
+static real complementarity(real t) {
+    real sum = 0;
+    int i, count = 0;
+    for (i = 0; i < 2 * ALL; i++) {
+        const side_t *s = &w.sides[i];
+        if (!s->on)
+            continue;
+        sum += (s->t + t * s->dt) * (s->l + t * s->dl);
+        count++;
+        if (s->linear) {
+            sum += (s->s + t * s->ds) * (s->n + t * s->dn);
+            count++;
+        }
+    }
+    return count > 0 ? sum / (real)count : 0;
+}
+
+static void make_step(real t) {
+    int i, up;
+    axpy((N + 1) * NW, t, w.dz, w.z);
+    for (i = 0; i < ALL; i++) {
+        if (i >= N * NU && is_equation(i) && w.reach[i] > 0)
+            w.y[i] += t * (w.aim[i] + stiff(i) * w.dv[i] - w.y[i]);
+        for (up = 0; up < 2; up++) {
+            side_t *s = &w.sides[2 * i + up];
+            s->t += t * s->dt;
+            s->l += t * s->dl;
+            s->s += t * s->ds;
+            s->n += t * s->dn;
+            s->dt = s->dl = s->ds = s->dn = 0;
+        }
+    }
+}
+
+/* The active set that slacks and multipliers point to: is it that of the last iterate, and not the one that was tried? */
+static int point(void) {
+    int i, up, same = 1, tried = 1;
+    for (i = 0; i < ALL; i++) {
+        signed char sign = 0;
+        real most = 1;
+        for (up = 0; up < 2; up++) {
+            const side_t *s = &w.sides[2 * i + up];
+            real ratio;
+            if (!s->on)
+                continue;
+            ratio = s->l * w.reach[i] / s->t;
+            if (ratio > most) {
+                most = ratio;
+                sign = (signed char)(up ? 1 : -1);
+                if (s->soft && s->s > s->n * w.reach[i])
+                    sign = (signed char)(2 * sign);
+            }
+        }
+        same = same && w.pointed[i] == sign;
+        tried = tried && w.tried[i] == sign;
+        w.pointed[i] = sign;
+    }
+    return same && !tried;
+}
+
+static void adopt(void) {
+    int i;
+    for (i = 0; i < ALL; i++) {
+        const int sign = w.pointed[i];
+        if (is_equation(i)) {
+            w.state[i] = IN;
+            continue;
+        }
+        if (w.reach[i] == 0)
+            continue;
+        w.state[i] = (unsigned char)(sign == 0 ? OUT : (sign == 1 || sign == -1) ? IN : BEYOND);
+        if (sign != 0)
+            w.sign[i] = (real)(sign > 0 ? 1 : -1);
+        w.y[i] = w.sides[2 * i + 1].l - w.sides[2 * i].l;
+    }
+}
+
+/* Do the multipliers of rows prove that these contradict each other (Farkas)? */
+static int contradicts(void) {
+    real sum = 0, terms = 0, left = 0, own[NX], before[NX], after[NU];
+    int k, r, j, any = 0;
+    for (r = 0; r < ROWS; r++)
+        any = any || is_hard(N * NU + r);
+    if (w.has_gaps || !any)
+        return 0;
+    fill(NX, 0, own);
+    for (k = N; k >= 0; k--) {
+        fill(NX, 0, before);
+        fill(NU, 0, after);
+        if (k < N) {
+            gemv_transposed(NX, NU, &w.f[k * NX * NW], NX, own, after);
+            gemv_transposed(NX, NX, &w.f[k * NX * NW + NU * NX], NX, own, before);
+        }
+        for (r = ROW_FIRST[k]; r < ROW_FIRST[k + 1]; r++) {
+            const int i = N * NU + r;
+            const real *row = &w.rows[r * NW];
+            real y, value, bound;
+            if (!is_hard(i))
+                continue;
+            y = w.lower[i] == w.upper[i] ? w.y[i] : w.sides[2 * i + 1].l - w.sides[2 * i].l;
+            if (y == 0)
+                continue;
+            value = dot(NW, row, &w.z[k * NW]);
+            bound = y > 0 ? w.upper[i] : w.lower[i];
+            sum += y * (value - bound);
+            terms += absolute(y * value) + absolute(y * bound);
+            axpy(NU, y, row, after);
+            axpy(NX, y, &row[NU], before);
+        }
+        for (j = 0; k < N && j < NU; j++) {
+            const real d = after[j], u = w.z[k * NW + j];
+            const real to = d > 0 ? w.lower[k * NU + j] : w.upper[k * NU + j];
+            if (is_finite(to)) {
+                sum += d * (to - u);
+                terms += absolute(d * u) + absolute(d * to);
+            } else {
+                left = larger(left, larger(absolute(d * u), d * d * w.reach[k * NU + j]));
+            }
+        }
+        copy(NX, before, own);
+    }
+    return sum > FARKAS * terms && left <= FARKAS * sum;
+}
+
+static int interior(const real *x0, real scale) {
+    real first, mu, left = 1;
+    int pass, i;
+    enter(scale);
+    for (i = 0; i < ALL; i++)
+        w.pointed[i] = w.tried[i] = -128;
+    clear_weights();
+    first = mu = complementarity(0);
+    for (pass = 0; pass < MOST; pass++) {
+        real after, centre, t;
+        w.iterations++;
+        evaluate();
+        aim_inside(0, 0);
+        if (!factorise())
+            break;
+        newton(x0, 0);
+        after = larger(complementarity(smaller(follow(), 1)), 0);
+        centre = mu > 0 ? mu * smaller(after / mu * (after / mu) * (after / mu), 1) : 0;
+        aim_inside(centre, 1);
+        newton(x0, 0);
+        t = smaller(BOUNDARY * follow(), 1);
+        if (!(t > EPSILON))
+            break;
+        make_step(t);
+        left *= 1 - t;
+        if (left == 0)
+            w.has_gaps = 0;
+        mu = complementarity(0);
+        if (!is_finite(mu))
+            return STUCK;
+        if (left > EPSILON && contradicts())
+            return CONTRADICTION;
+        if (point()) {
+            const int gaps = w.has_gaps;
+            copy((N + 1) * NW, w.z, w.kept);
+            copy(ALL, w.y, w.kept_y);
+            adopt();
+            for (i = 0; i < ALL; i++)
+                w.tried[i] = w.pointed[i];
+            if (settle(x0, 0) == SOLVED)
+                return SOLVED;
+            copy((N + 1) * NW, w.kept, w.z);
+            copy(ALL, w.kept_y, w.y);
+            w.has_gaps = gaps;
+        }
+        if (mu <= EPSILON * first && left <= EPSILON)
+            break;
+    }
+    if (mu <= NEARLY * first && left <= NEARLY) {
+        adopt();
+        return SOLVED;
+    }
+    return STUCK;
+}
+
+static int solve(const real *x0) {
+    int i, end;
+    begin();
+    for (i = 0; i < ALL; i++)
+        if (is_hard(i) && !(w.lower[i] <= w.upper[i])) {
+            (void)start(x0);
+            return CONTRADICTION;
+        }
+    if (w.elastic)
+        (void)start(x0);
+    fill((N + 1) * NW, 0, w.z);
+    w.has_gaps = 1;
+    end = settle(x0, PATIENCE);
+    if (end == CONTRADICTION)
+        (void)start(x0);
+    if (end == STUCK) {
+        real scale = start(x0);
+        scale = larger(scale, cost_of_cutting());
+        if (scale > 0)
+            end = interior(x0, scale);
+    }
+    return end;
+}
+
+/* What it costs to meet rows one by one, per unit of violation. */
+static real cost_of_rows(void) {
+    real cost = 0, sum = 0, spread[NX], next[NX];
+    int k, r, i, j;
+    fill(NX, 0, spread);
+    for (k = 0; k <= N; k++) {
+        for (r = ROW_FIRST[k]; r < ROW_FIRST[k + 1]; r++) {
+            const real beyond = larger(w.free_values[r] - w.upper[N * NU + r], w.lower[N * NU + r] - w.free_values[r]);
+            const real own = w.reach[N * NU + r];
+            if (beyond > 0 && own > 0 && !is_finite(ROW_LINEAR[r])) {
+                real span = 0, v;
+                for (j = 0; j < NW; j++)
+                    if (w.rows[r * NW + j] != 0)
+                        span += absolute(w.rows[r * NW + j]) * (j < NU ? w.upper[(k < N ? k : 0) * NU + j] - w.lower[(k < N ? k : 0) * NU + j] : spread[j - NU]);
+                v = smaller(beyond, span);
+                cost += v * v / (2 * own);
+                sum += v;
+            }
+        }
+        if (k == N)
+            break;
+        fill(NX, 0, next);
+        for (j = 0; j < NW; j++)
+            for (i = 0; i < NX; i++)
+                if (w.f[k * NX * NW + i + j * NX] != 0)
+                    next[i] += absolute(w.f[k * NX * NW + i + j * NX]) * (j < NU ? w.upper[k * NU + j] - w.lower[k * NU + j] : spread[j - NU]);
+        copy(NX, next, spread);
+    }
+    return sum > 0 ? cost / sum : 0;
+}
+
+static int violates(void) {
+    int i;
+    for (i = N * NU; i < ALL; i++)
+        if (!is_finite(ROW_LINEAR[i - N * NU]) && w.state[i] == BEYOND)
+            return 1;
+    return 0;
+}
+
+/* ---- the controller ---- */
+
+/* Takes the price that the last program asks for, where that is far from the one that is there; is it a higher one? */
+static int adapt_price(void) {
+    const real asked = ELASTIC * cost_of_rows();
+    int more;
+    if (GIVEN_PRICE > 0 || asked == 0 || !is_finite(asked) || (asked <= APART * w.price && w.price <= APART * asked))
+        return 0;
+    more = asked > w.price;
+    w.price = asked;
+    return more;
+}
+
+static void default_price(void) {
+    real largest = 0;
+    int i;
+    if (GIVEN_PRICE > 0)
+        w.price = GIVEN_PRICE;
+    if (w.price > 0)
+        return;
+    for (i = 0; i < (N + 1) * NW; i++)
+        largest = larger(largest, absolute(w.grad[i]));
+    w.price = ELASTIC * (largest > 0 ? largest : 1);
+}
+
+/* The program, with rows at a price where they cannot all be met; *violated says whether some are. */
+static int solve_program(const real *dx0, int *violated) {
+    int end = STUCK;
+    w.iterations = 0;
+    *violated = 0;
+    if (!w.violating) {
+        w.elastic = 0;
+        end = solve(dx0);
+        if (end != CONTRADICTION)
+            return end;
+        (void)adapt_price();
+    }
+    w.elastic = 1;
+    default_price();
+    end = solve(dx0);
+    if (end == SOLVED && adapt_price())
+        end = solve(dx0);
+    w.elastic = 0;
+    w.violating = end != SOLVED || violates();
+    *violated = w.violating;
+    return end;
+}
+
+/* The plan becomes the point plus the step of the last solution. */
+static void advance(void) {
+    int k;
+    for (k = 0; k <= N; k++) {
+        copy(NX, &w.at_x[k * NX], &w.x[k * NX]);
+        axpy(NX, 1, &w.z[k * NW + NU], &w.x[k * NX]);
+        if (k < N) {
+            copy(NU, &w.at_u[k * NU], &w.u[k * NU]);
+            axpy(NU, 1, &w.z[k * NW], &w.u[k * NU]);
+        }
+    }
+}
+
+static int linearise(void) {
+    int k, i;
+    w.ready = 0;
+    copy((N + 1) * NX, w.x, w.at_x);
+    copy(N * NU, w.u, w.at_u);
+    for (k = 0; k < N; k++) {
+        real *c = &w.c[k * NX];
+        if (!stage_of(k, &w.x[k * NX], &w.u[k * NU], c, &w.f[k * NX * NW]))
+            return 0;
+        axpy(NX, -1, &w.x[(k + 1) * NX], c);
+    }
+    if (!costs(1) || !constraints())
+        return 0;
+    for (i = 0; i < N * NU; i++) {
+        w.lower[i] = U_LOWER[i % NU] - w.u[i];
+        w.upper[i] = U_UPPER[i % NU] - w.u[i];
+    }
+    clear_weights();
+    w.free.valid = w.now.valid = N + 1;
+    if (!riccati(&w.free, w.want_u, w.want_rows, w.want_fixed))
+        return 0;
+    reaches();
+    w.ready = all_finite(ALL, w.reach);
+    if (w.ready && !place())
+        (void)factorise();
+    return w.ready;
+}
+
+static void finish(void) {
+    if (w.pending == 0)
+        return;
+    if (w.pending == 1) {
+        advance();
+        w.entry = 1;
+    } else {
+        w.entry++;
+    }
+    w.pending = 0;
+    w.has_prediction = w.seen && INNER > 0 && stage_of(0, w.measured, w.applied, w.predicted, 0);
+}
+
+static void shift(void) {
+    int i, k, to;
+    for (i = 0; i < N * NX; i++)
+        w.x[i] = w.x[i + NX];
+    for (i = 0; i + NU < N * NU; i++)
+        w.u[i] = w.u[i + NU];
+    for (i = 0; i < ALL; i++) {
+        const unsigned char state = w.state[i];
+        const real sign = w.sign[i], y = w.y[i];
+        w.state[i] = OUT;
+        to = i - NU;
+        if (i >= N * NU) {
+            k = ROW_NODE[i - N * NU];
+            to = -1;
+            if (k > 0) {
+                const int j = ROW_FIRST[k - 1] + (i - N * NU - ROW_FIRST[k]);
+                if (j < ROW_FIRST[k])
+                    to = N * NU + j;
+            }
+        }
+        if (to >= 0) {
+            w.state[to] = state;
+            w.sign[to] = sign;
+            w.y[to] = y;
+        }
+    }
+}
+
+void PREFIX(reset)(void) {
+    int i;
+    copy((N + 1) * NX, START_X, w.x);
+    copy(N * NU, START_U, w.u);
+    copy(NU, START_U, w.applied);
+    copy(NP, START_P, w.params);
+    copy(REFERENCES, START_REFERENCES, w.references);
+    fill(ALL, 0, w.y);
+    for (i = 0; i < ALL; i++) {
+        w.state[i] = OUT;
+        w.sign[i] = 1;
+    }
+    w.price = 0;
+    w.elastic = w.ready = w.prepared = w.pending = w.seen = w.unshifted = w.has_prediction = w.violating = w.entry = 0;
+    w.started = 1;
+}
+
+int PREFIX(prepare)(void) {
+    int inner, violated;
+    if (!w.started)
+        PREFIX(reset)();
+    finish();
+    if (SHIFT && w.unshifted) {
+        shift();
+        w.entry = w.entry > 0 ? w.entry - 1 : 0;
+    }
+    w.unshifted = 0;
+    for (inner = 0; w.has_prediction && inner < INNER; inner++) {
+        real dx0[NX];
+        int i;
+        if (!linearise())
+            break;
+        for (i = 0; i < NX; i++)
+            dx0[i] = w.predicted[i] - w.at_x[i];
+        if (solve_program(dx0, &violated) != SOLVED || !all_finite((N + 1) * NW, w.z))
+            break;
+        advance();
+        w.entry = 0;
+    }
+    (void)linearise();
+    w.prepared = 1;
+    return w.ready;
+}
+
+int PREFIX(feedback)(const real *x, real *u) {
+    int source = 3, i, end, violated = 0;
+    if (!w.started)
+        PREFIX(reset)();
+    if (w.pending != 0)
+        w.entry++;
+    w.prepared = 0;
+    w.seen = all_finite(NX, x);
+    if (w.seen && w.ready) {
+        real dx0[NX];
+        for (i = 0; i < NX; i++)
+            dx0[i] = x[i] - w.at_x[i];
+        end = solve_program(dx0, &violated);
+        source = violated ? 1 : 0;
+        if (end == STUCK) {
+            if (!all_finite((N + 1) * NW, w.z))
+                (void)start(dx0);
+            source = 2;
+        }
+        for (i = 0; i < NU; i++)
+            u[i] = w.at_u[i] + w.z[i];
+        if (!all_finite((N + 1) * NW, w.z))
+            source = 3;
+    }
+    w.pending = source <= 1 ? 1 : 2;
+    if (source == 3) {
+        if (w.entry < N) {
+            copy(NU, &w.u[w.entry * NU], u);
+        } else {
+            copy(NU, w.applied, u);
+            source = 4;
+        }
+    }
+    for (i = 0; i < NU; i++)
+        u[i] = within(u[i], U_LOWER[i], U_UPPER[i]);
+    if (w.seen)
+        copy(NX, x, w.measured);
+    w.unshifted = w.seen;
+    copy(NU, u, w.applied);
+    return source;
+}
+
+int PREFIX(set_reference)(int term, const real *y) {
+    int i;
+    if (term < 0 || term >= TERMS || !all_finite(FUN_OUT[1 + term], y))
+        return 0;
+    if (!w.started)
+        PREFIX(reset)();
+    finish();
+    for (i = 0; i < TERM_COUNT[term]; i++)
+        copy(FUN_OUT[1 + term], y, &w.references[TERM_REFERENCES[term] + i * FUN_OUT[1 + term]]);
+    if (w.prepared && w.ready && !costs(0))
+        w.ready = 0;
+    return 1;
+}
+
+int PREFIX(set_params)(const real *p) {
+    if (!all_finite(NP, p))
+        return 0;
+    if (!w.started)
+        PREFIX(reset)();
+    finish();
+    copy(NP, p, w.params);
+    return 1;
+}
+
+const real *PREFIX(plan_x)(void) {
+    finish();
+    return w.x;
+}
+
+const real *PREFIX(plan_u)(void) {
+    finish();
+    return w.u;
+}
+
+int PREFIX(iterations)(void) {
+    return w.iterations;
+}

@@ -1,0 +1,398 @@
+//! Controllers as C files: what the library does between samples and at them, without a heap, threads or a clock.
+//!
+//! The functions of the problem are written by [`crate::expr::write_c_first`]; sizes and data are tables; the rest is `kernel.c`, which
+//! is [`crate::qp::Stagewise`] and the schemes with real-time iterations in C99. All memory is one static object whose size is known
+//! when it is compiled.
+
+use super::constraints::STATES;
+use super::options::{Level, QpMethod, Scheme};
+use super::Nmpc;
+use crate::error::{Error, Result};
+use crate::expr::{write_c_first, CReal, ExprFunction};
+use crate::system::SharedFunction;
+use std::fmt::Write;
+
+/// What does not depend on the problem.
+const KERNEL: &str = include_str!("kernel.c");
+/// A program that runs the recorded loop.
+const MAIN: &str = include_str!("main.c");
+const MAKEFILE: &str = include_str!("Makefile.in");
+/// Samples of the recorded closed loop.
+const SAMPLES: usize = 60;
+/// States of the record are off their prediction by this share of the largest state of the plan.
+const BLOW: f64 = 0.005;
+
+/// The files of a controller.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CCode {
+    /// Names and contents: header, source, a program that runs the recorded loop, its data, and a Makefile.
+    pub files: Vec<(String, String)>,
+}
+
+impl CCode {
+    /// Writes the files to a folder, which is made where it is not there.
+    ///
+    /// # Errors
+    /// [`Error::Range`] where a file cannot be written.
+    pub fn write(&self, folder: &std::path::Path) -> Result<()> {
+        let failed = |what: &std::path::Path, e: std::io::Error| Error::Range(format!("{} cannot be written: {e}", what.display()));
+        std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
+        for (name, text) in &self.files {
+            let path = folder.join(name);
+            std::fs::write(&path, text).map_err(|e| failed(&path, e))?;
+        }
+        Ok(())
+    }
+}
+
+fn refuse<T>(what: &str) -> Result<T> {
+    Err(Error::Unsupported(format!("a controller in C does not know {what}")))
+}
+
+/// A function of the problem as expressions.
+fn expressions(f: &SharedFunction) -> Result<&ExprFunction> {
+    match f.as_any().and_then(|f| f.downcast_ref::<ExprFunction>()) {
+        Some(e) => Ok(e),
+        None => Err(Error::Unsupported(format!(
+            "function '{}' is no expression: a controller in C needs dynamics, costs and constraints from expressions",
+            f.name()
+        ))),
+    }
+}
+
+/// One table of C.
+fn table(out: &mut String, kind: &str, name: &str, values: impl Iterator<Item = String>) {
+    let mut values: Vec<String> = values.collect();
+    if values.is_empty() {
+        values.push("0".into());
+    }
+    let _ = write!(out, "static const {kind} {name}[] = {{");
+    for (i, v) in values.iter().enumerate() {
+        let _ = write!(out, "{}{v}", if i == 0 { "" } else if i % 12 == 0 { ",\n    " } else { ", " });
+    }
+    out.push_str("};\n");
+}
+
+struct Writer {
+    real: CReal,
+}
+
+impl Writer {
+    fn number(&self, v: f64) -> String {
+        if v == f64::INFINITY {
+            return "INFINITY".into();
+        }
+        if v == f64::NEG_INFINITY {
+            return "-INFINITY".into();
+        }
+        match self.real {
+            CReal::Float => format!("{:e}f", v as f32),
+            _ => format!("{v:e}"),
+        }
+    }
+
+    fn reals(&self, out: &mut String, name: &str, values: &[f64]) {
+        table(out, "real", name, values.iter().map(|v| self.number(*v)));
+    }
+}
+
+impl Nmpc {
+    /// The controller as C files (C99) whose names begin with `prefix`: no heap, no threads, no clock, all memory in one static object.
+    ///
+    /// ```text
+    /// int prefix_prepare(void);                                  1 where there is a program for the next sample
+    /// int prefix_feedback(const real *x, real *u);               the source of the control
+    /// int prefix_set_reference(int term, const real *y);         for all nodes; 1 if it was taken
+    /// int prefix_set_params(const real *p);                      from the next preparation on
+    /// void prefix_reset(void);
+    /// ```
+    ///
+    /// Quadratic programs are solved stage by stage. The controller in C begins with the present plan, parameters and references, as this one
+    /// does after [`Nmpc::set_iterate`] with its plan, which is where the call leaves it. The files hold a loop of this controller, recorded with
+    /// states that are off their predictions, and a program that repeats it.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for systems that switch, implicit methods, algebraic states, costs that are no least squares, functions that are no
+    /// expressions, and other schemes than [`Scheme::Rti`] and [`Scheme::AsRti`] with [`Level::D0`]; [`Error::State`] where the controller does not
+    /// solve its programs stage by stage; [`Error::Range`] for a prefix that is no C identifier.
+    pub fn write_c(&mut self, prefix: &str, real: CReal) -> Result<CCode> {
+        let identifier = prefix.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+            && prefix.chars().next().is_some_and(|c| c.is_ascii_alphabetic());
+        if !identifier {
+            return Err(Error::Range(format!("'{prefix}' cannot begin names in C: use letters, digits and underscores")));
+        }
+        self.check_c()?;
+        let (x, u) = {
+            let plan = self.plan();
+            (plan.x().to_vec(), plan.u().to_vec())
+        };
+        let w = Writer { real };
+        let source = self.c_source(&w, prefix, &x, &u)?;
+        let record = self.c_record(&w, prefix, &x, &u)?;
+        let named = |text: &str| {
+            let upper = prefix.to_ascii_uppercase();
+            text.replace("@PREFIX@", &upper).replace("@prefix@", prefix)
+        };
+        Ok(CCode {
+            files: vec![
+                (format!("{prefix}.h"), self.c_header(real, prefix)),
+                (format!("{prefix}.c"), source),
+                (format!("{prefix}_main.c"), named(MAIN)),
+                (format!("{prefix}_record.h"), record),
+                ("Makefile".into(), named(MAKEFILE)),
+            ],
+        })
+    }
+
+    /// What the kernel does not know.
+    fn check_c(&self) -> Result<()> {
+        let o = self.options();
+        if self.model.switches {
+            return refuse("systems that switch");
+        }
+        if self.model.nodes.nz > 0 {
+            return refuse("algebraic states");
+        }
+        if self.model.stage.explicit().is_none() {
+            return refuse("implicit methods: take rk_family \"explicit\"");
+        }
+        if !matches!(o.scheme, Scheme::Rti | Scheme::AsRti) || o.level != Level::D0 {
+            return refuse("schemes other than \"rti\" and \"as_rti\", and levels other than \"d0\"");
+        }
+        if !self.model.costs.general.is_empty() || self.model.costs.squares.is_empty() {
+            return refuse("costs other than least squares");
+        }
+        if self.model.nodes.p.chunks_exact(self.model.nodes.np.max(1)).any(|p| p != &self.model.nodes.p[..p.len()]) {
+            return refuse("parameters that differ from stage to stage");
+        }
+        if o.qp != QpMethod::Stagewise {
+            return Err(Error::State("the files solve quadratic programs stage by stage: make the controller with qp_solver \"stagewise\"".into()));
+        }
+        Ok(())
+    }
+
+    fn c_header(&self, real: CReal, prefix: &str) -> String {
+        let (n, nx, nu, np) = (self.n(), self.nx(), self.nu(), self.model.nodes.np);
+        let upper = prefix.to_ascii_uppercase();
+        let kind = if real == CReal::Float { "float" } else { "double" };
+        let terms = self.model.costs.squares.len();
+        format!(
+            "/* A controller, written by switchback. */
+#ifndef {upper}_H
+#define {upper}_H
+
+#ifdef __cplusplus
+extern \"C\" {{
+#endif
+
+typedef {kind} {prefix}_real;
+
+/* Stages, states, controls, parameters, least-squares terms. */
+enum {{ {prefix}_n = {n}, {prefix}_nx = {nx}, {prefix}_nu = {nu}, {prefix}_np = {np}, {prefix}_terms = {terms} }};
+
+/* Where a control comes from: the quadratic program; the same with rows at a price, since they cannot all be met; an unfinished one, cut off at
+   the bounds of the controls; the last plan; the last control again. */
+enum {{ {prefix}_qp = 0, {prefix}_soft_qp = 1, {prefix}_tangent = 2, {prefix}_plan = 3, {prefix}_hold = 4 }};
+
+/* Bytes of memory, all of it static. */
+extern const unsigned long {prefix}_arena_bytes;
+
+/* Everything for the next sample that needs no measurement; 1 where there is a program for it. */
+int {prefix}_prepare(void);
+/* The control u[nu] for a measured state x[nx]; there always is one. Returns its source. */
+int {prefix}_feedback(const {prefix}_real *x, {prefix}_real *u);
+/* The reference of a least-squares term, for all its nodes. Between a preparation and its feedback it counts at once. 0 where it is not taken:
+   no such term, or no numbers. */
+int {prefix}_set_reference(int term, const {prefix}_real *y);
+/* Parameters p[np], from the next preparation on; 0 where they are no numbers. */
+int {prefix}_set_params(const {prefix}_real *p);
+/* Back to the start. */
+void {prefix}_reset(void);
+/* The plan from the last sample on: x[(n + 1) nx], u[n nu]. Valid until the next call. */
+const {prefix}_real *{prefix}_plan_x(void);
+const {prefix}_real *{prefix}_plan_u(void);
+/* Steps of the active set and iterations of the interior point in the last feedback. */
+int {prefix}_iterations(void);
+
+#ifdef __cplusplus
+}}
+#endif
+#endif
+"
+        )
+    }
+
+    fn c_source(&self, w: &Writer, prefix: &str, x: &[f64], u: &[f64]) -> Result<String> {
+        let Some((dynamics, steps, tableau)) = self.model.stage.explicit() else { return refuse("implicit methods") };
+        let costs = &self.model.costs.squares;
+        let rows = &self.model.constraints;
+        let mut functions = vec![("f".to_owned(), expressions(dynamics)?)];
+        for (k, s) in costs.iter().enumerate() {
+            functions.push((format!("cost{k}"), expressions(s.f.function())?));
+        }
+        for (k, g) in rows.groups.iter().enumerate() {
+            functions.push((format!("constraint{k}"), expressions(g.function())?));
+        }
+        let named: Vec<(&str, &ExprFunction)> = functions.iter().map(|(n, f)| (n.as_str(), *f)).collect();
+        let mut out = format!("/* A controller, written by switchback. C99; no heap, no threads, no clock. */\n#include \"{prefix}.h\"\n\n#include <float.h>\n");
+        out.push_str(&write_c_first(&named, w.real)?);
+        let _ = write!(out, "\n#define PREFIX(name) {prefix}_##name\n#define ROOM(n) ((n) > 0 ? (n) : 1)\ntypedef {prefix}_real real;\n");
+        out.push_str(match w.real {
+            CReal::Float => FLOAT,
+            _ => DOUBLE,
+        });
+        self.c_sizes(&mut out, &named, steps, tableau.n_s);
+        self.c_tables(w, &mut out, &named, tableau, [x, u]);
+        out.push_str(&calls(&named));
+        out.push_str(KERNEL);
+        Ok(out)
+    }
+
+    fn c_sizes(&self, out: &mut String, functions: &[(&str, &ExprFunction)], steps: usize, n_s: usize) {
+        use crate::func::Function;
+        let (n, nx, nu, np) = (self.n(), self.nx(), self.nu(), self.model.nodes.np);
+        let (costs, rows) = (&self.model.costs.squares, self.model.constraints.rows().len());
+        let references: usize = costs.iter().map(|s| s.references.len()).sum();
+        let jacobian = functions.iter().map(|(_, f)| f.jac_pattern().nnz()).max().unwrap_or(0);
+        let values = functions.iter().map(|(_, f)| f.n_out()).max().unwrap_or(0);
+        let inner = if self.options().scheme == Scheme::AsRti { self.options().inner } else { 0 };
+        let _ = write!(
+            out,
+            "
+enum {{ N = {n}, NX = {nx}, NU = {nu}, NW = NX + NU, NP = {np}, ROWS = {rows}, ALL = N * NU + ROWS, TERMS = {}, REFERENCES = {references} }};
+enum {{ STEPS = {steps}, RK = {n_s}, JACOBIAN = {jacobian}, VALUES = {values}, INNER = {inner}, SHIFT = {} }};
+/* Bounds on work: steps of an active set and iterations of the interior point, corrections of active rows, steps in vain. */
+enum {{ MOST = 60, CORRECTIONS = 4, PATIENCE = 1 }};
+",
+            costs.len(),
+            usize::from(self.options().shift),
+        );
+    }
+
+    fn c_tables(
+        &self,
+        w: &Writer,
+        out: &mut String,
+        functions: &[(&str, &ExprFunction)],
+        tableau: &crate::tableau::Tableau,
+        [x, u]: [&[f64]; 2],
+    ) {
+        use crate::func::Function;
+        let (nodes, costs, rows) = (&self.model.nodes, &self.model.costs.squares, &self.model.constraints);
+        let int = |v: usize| v.to_string();
+        w.reals(out, "T", &nodes.t);
+        w.reals(out, "H", &nodes.h);
+        w.reals(out, "RK_A", &tableau.a);
+        w.reals(out, "RK_B", &tableau.b);
+        w.reals(out, "RK_C", &tableau.c);
+        w.reals(out, "U_LOWER", &self.model.u_lower);
+        w.reals(out, "U_UPPER", &self.model.u_upper);
+        table(out, "int", "FUN_OUT", functions.iter().map(|(_, f)| int(f.n_out())));
+        for (what, name) in [("FUN_COLS", "col_ptr"), ("FUN_ROWS", "row_idx")] {
+            table(out, "int64_t *const", what, functions.iter().map(|(f, _)| format!("{f}_jacobian_{name}")));
+        }
+        let offsets = |sizes: Vec<usize>| {
+            sizes.iter().scan(0, |sum, v| Some(std::mem::replace(sum, *sum + v))).collect::<Vec<usize>>()
+        };
+        let ints = |out: &mut String, name: &str, v: Vec<usize>| table(out, "int", name, v.into_iter().map(int));
+        ints(out, "TERM_FIRST", costs.iter().map(|s| s.first).collect());
+        ints(out, "TERM_COUNT", costs.iter().map(|s| s.f.n).collect());
+        ints(out, "TERM_BY_LENGTH", costs.iter().map(|s| usize::from(s.by_length)).collect());
+        ints(out, "TERM_WEIGHTS", offsets(costs.iter().map(|s| s.weights.len()).collect()));
+        ints(out, "TERM_REFERENCES", offsets(costs.iter().map(|s| s.references.len()).collect()));
+        w.reals(out, "WEIGHTS", &costs.iter().flat_map(|s| s.weights.iter().copied()).collect::<Vec<_>>());
+        let first = (0..nodes.n + 2).map(|k| rows.rows().partition_point(|r| r.node < k));
+        ints(out, "ROW_FIRST", first.collect());
+        ints(out, "ROW_NODE", rows.rows().iter().map(|r| r.node).collect());
+        let function = |group: usize| if group == STATES { 0 } else { 1 + costs.len() + group };
+        ints(out, "ROW_FUN", rows.sources.iter().map(|s| function(s.group)).collect());
+        ints(out, "ROW_OUT", rows.sources.iter().map(|s| s.out).collect());
+        w.reals(out, "ROW_LOWER", &rows.sources.iter().map(|s| s.lower).collect::<Vec<_>>());
+        w.reals(out, "ROW_UPPER", &rows.sources.iter().map(|s| s.upper).collect::<Vec<_>>());
+        let price = |part: fn(&crate::qp::Price) -> f64, none: f64| -> Vec<f64> {
+            rows.rows().iter().map(|r| r.price.as_ref().map_or(none, part)).collect()
+        };
+        w.reals(out, "ROW_LINEAR", &price(|p| p.linear, f64::INFINITY));
+        w.reals(out, "ROW_QUADRATIC", &price(|p| p.quadratic, 0.0));
+        w.reals(out, "START_X", x);
+        w.reals(out, "START_U", u);
+        w.reals(out, "START_P", &nodes.p[..nodes.np]);
+        w.reals(out, "START_REFERENCES", &costs.iter().flat_map(|s| s.references.iter().copied()).collect::<Vec<_>>());
+        let _ = writeln!(out, "#define GIVEN_PRICE (({}))", w.number(self.options().elastic_price));
+    }
+
+    /// A closed loop of this controller from its plan, with the model as plant and states that are off their predictions.
+    fn c_record(&mut self, w: &Writer, prefix: &str, x: &[f64], u: &[f64]) -> Result<String> {
+        let (nx, nu) = (self.nx(), self.nu());
+        let monitor = *self.monitor();
+        self.set_iterate(x, u)?;
+        let size: Vec<f64> = (0..nx).map(|i| x.iter().skip(i).step_by(nx).fold(0.0f64, |m, v| m.max(v.abs()))).collect();
+        let mut state = x[..nx].to_vec();
+        let mut control = vec![0.0; nu];
+        let (mut states, mut controls, mut sources) = (Vec::new(), Vec::new(), Vec::new());
+        let mut seed = 1u64;
+        for _ in 0..SAMPLES {
+            self.prepare(None)?;
+            let info = self.feedback(&state, &mut control)?;
+            states.extend_from_slice(&state);
+            controls.extend_from_slice(&control);
+            sources.push(info.source as usize);
+            if !self.step_model(&state.clone(), &control, &mut state) {
+                break;
+            }
+            for (v, size) in state.iter_mut().zip(&size) {
+                seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                *v += BLOW * size * (2.0 * ((seed >> 11) as f64 * 2f64.powi(-53)) - 1.0);
+            }
+        }
+        self.set_iterate(x, u)?;
+        self.monitor = monitor;
+        let mut out = format!("/* A loop of the library's controller: states, controls and their sources. */\nenum {{ SAMPLES = {} }};\n", sources.len());
+        let kind = format!("{prefix}_real");
+        table(&mut out, &kind, "RECORD_X", states.iter().map(|v| w.number(*v)));
+        table(&mut out, &kind, "RECORD_U", controls.iter().map(|v| w.number(*v)));
+        table(&mut out, "int", "RECORD_SOURCE", sources.iter().map(|v| v.to_string()));
+        let largest = controls.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let _ = writeln!(out, "#define RECORD_LARGEST ({:e})", largest);
+        Ok(out)
+    }
+}
+
+/// Calls of functions by their numbers.
+fn calls(functions: &[(&str, &ExprFunction)]) -> String {
+    let mut out = String::new();
+    for what in ["value", "jacobian"] {
+        let _ = write!(
+            out,
+            "\nstatic int call_{what}(int fun, real t, const real *x, const real *u, const real *p, real *out) {{\n    switch (fun) {{\n"
+        );
+        for (i, (name, _)) in functions.iter().enumerate() {
+            let _ = writeln!(out, "    case {i}:\n        return {name}_{what}(t, x, u, p, out);");
+        }
+        out.push_str("    default:\n        return 1;\n    }\n}\n");
+    }
+    out.push('\n');
+    out
+}
+
+/// Precisions: rounding unit, weights and tolerances as in the library; those of single precision leave the same share of its digits.
+const DOUBLE: &str = "#define SQRT sqrt
+#define EPSILON DBL_EPSILON
+#define STIFF 6.7e7
+#define FEASIBLE 1e-10
+#define NEARLY 1e-11
+#define FARKAS 1e-9
+#define BOUNDARY 0.995
+#define ELASTIC 1e3
+#define APART 10.0
+";
+const FLOAT: &str = "#define SQRT sqrtf
+#define EPSILON FLT_EPSILON
+#define STIFF 2.9e3f
+#define FEASIBLE 4e-5f
+#define NEARLY 1e-5f
+#define FARKAS 1e-4f
+#define BOUNDARY 0.995f
+#define ELASTIC 1e3f
+#define APART 10.0f
+";
