@@ -206,6 +206,10 @@ static void bad_input(void)
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_sizes(c, &n, NULL, &n));
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_get_monitor(c, NULL, 8));
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_initialise(c, NULL, 2, 3, NULL));
+    CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_write_c(c, NULL, "c", SWB_C_REAL_DOUBLE));
+    CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_write_c(c, ".", NULL, SWB_C_REAL_DOUBLE));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_nmpc_write_c(c, ".", "c", 2));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_nmpc_write_c(c, ".", "no name", SWB_C_REAL_FLOAT));
     CHECK_OK(swb_nmpc_interrupt(c));
     swb_nmpc_free(c);
     CHECK_STATUS(SWB_ERR_STATE, swb_nmpc_finish(c));

@@ -7126,6 +7126,27 @@ swb_status swb_nmpc_set_iterate(struct swb_nmpc *c,
                                 int64_t n_u);
 
 /**
+ * Write the controller as C files (C99) to a folder, which is made if it is not there: prefix.h, prefix.c, prefix_main.c, prefix_record.h and
+ * Makefile. There is no heap, no thread and no clock; all memory is one static object of prefix_arena_bytes bytes.
+ *
+ * The functions are prefix_prepare, prefix_feedback, prefix_set_reference, prefix_set_params, prefix_reset, prefix_plan_x and prefix_plan_u, described
+ * in prefix.h. The controller in C begins with the present plan, parameters and references. The main program repeats a closed loop that is
+ * recorded here; this controller is afterwards as after swb_nmpc_set_iterate with its plan.
+ *
+ * @param[in] folder    path, UTF-8
+ * @param[in] prefix    what names begin with, a C identifier
+ * @param[in] precision an enum swb_c_real
+ * @return SWB_OK; SWB_ERR_UNSUPPORTED with a message for systems that switch, implicit methods, algebraic states, costs that are no least
+ *         squares, functions that are no expressions, schemes other than rti and as_rti, levels other than d0; SWB_ERR_STATE if qp_solver is not
+ *         stagewise; SWB_ERR_RANGE for the prefix, the precision, or if a file cannot be written
+ */
+SWB_API
+swb_status swb_nmpc_write_c(struct swb_nmpc *c,
+                            const char *folder,
+                            const char *prefix,
+                            int64_t precision);
+
+/**
  * Back to the start: the guess of the problem, no multipliers, nothing measured, monitor at zero.
  *
  * @return SWB_OK

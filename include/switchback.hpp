@@ -1521,6 +1521,10 @@ public:
     void deadline(double seconds) { detail::check(swb_nmpc_set_deadline(get(), seconds)); }
     void iterate(View x, View u) { detail::check(swb_nmpc_set_iterate(get(), x.data(), x.length(), u.data(), u.length())); }
     void reset() { detail::check(swb_nmpc_reset(get())); }
+    /// Writes the controller as C files without a heap: prefix.h, prefix.c, a program that repeats a recorded loop, and a Makefile.
+    void write_c(const std::string &folder, const std::string &prefix, swb_c_real precision = SWB_C_REAL_DOUBLE) {
+        detail::check(swb_nmpc_write_c(get(), folder.c_str(), prefix.c_str(), precision));
+    }
     /// States of the nodes and controls of the stages, from the last sample on.
     std::pair<Vector, Vector> plan() {
         std::pair<Vector, Vector> out{Vector(static_cast<std::size_t>((n_ + 1) * nx_)), Vector(static_cast<std::size_t>(n_ * nu_))};

@@ -59,6 +59,7 @@ NAVIGATION = """
           - On/off controls: howto/choices.md
           - Pulse width modulation: howto/pwm.md
           - Sampled controllers: howto/sampled.md
+          - Controllers on microcontrollers: howto/microcontroller.md
           - Terminal events: howto/events.md
           - Data as inputs: howto/data.md
           - Estimation of parameters: howto/estimation.md

@@ -12,8 +12,10 @@ use switchback::error::Error;
 use switchback::expr::{CReal, Graph};
 use switchback::func::Dims;
 use switchback::nmpc::{Level, Nmpc, Options, QpMethod, Scheme};
-use switchback::ocp::Norm;
-use switchback::system::SharedFunction;
+use switchback::ocp::{CostAt, Norm, Ocp};
+use switchback::settings::Settings;
+use switchback::system::{SharedFunction, System};
+use switchback::tableau::Family;
 
 fn folder(name: &str) -> PathBuf {
     let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("nmpc-c-{name}"));
@@ -51,7 +53,9 @@ fn controller(case: &Case, which: Scheme, shift: bool) -> Nmpc {
 
 /// Nothing but functions of the mathematical library, and what a compiler may make of loops.
 fn only_mathematics(symbols: &[String]) {
-    let known = ["sin", "cos", "sincos", "sqrt", "pow", "exp", "sinf", "cosf", "sincosf", "sqrtf", "memcpy", "memset", "memmove"];
+    let known = [
+        "sin", "cos", "sincos", "sqrt", "pow", "exp", "sinf", "cosf", "sincosf", "sqrtf", "memcpy", "memset", "memmove",
+    ];
     let other: Vec<_> = symbols.iter().filter(|s| !known.contains(&s.as_str())).collect();
     assert!(other.is_empty(), "calls of {other:?}");
 }
@@ -107,4 +111,56 @@ fn what_is_not_known_is_said() {
     let mut c = Nmpc::new(&case.ocp, &good).unwrap();
     let unwritable = c.write_c("c", CReal::Double).unwrap().write(Path::new("/dev/null/here"));
     assert!(matches!(unwritable, Err(Error::Range(what)) if what.contains("cannot be written")));
+}
+
+/// A mass against a load, which is a parameter; the place it is to be at is a reference.
+#[test]
+fn references_and_parameters_at_run_time() {
+    let g = Graph::new();
+    let dims = Dims { x: 2, u: 1, p: 1 };
+    let f: SharedFunction = Arc::new(g.function("f", dims, &[g.x(1), g.u(0) - g.p(0)]).unwrap());
+    let all: SharedFunction = Arc::new(g.function("all", dims, &[g.x(0), g.x(1), g.u(0)]).unwrap());
+    let mut system = System::new(2, 1, 1).unwrap();
+    system.set_f0(f).unwrap();
+    let mut ocp = Ocp::new(&system, 2.0, 20, &Settings::default()).unwrap();
+    ocp.add_least_squares(all, &[1.0, 0.1, 0.02], &[0.0; 3], CostAt::Running).unwrap();
+    ocp.set_u_bounds(&[-1.0], &[1.0]).unwrap();
+    ocp.set_params(&[0.1]).unwrap();
+    let explicit = Options { family: Some(Family::Explicit), n_s: 4, steps: 1, ..Options::default() };
+    let mut c = Nmpc::new(&ocp, &Options { qp: QpMethod::Stagewise, shift: true, ..explicit }).unwrap();
+    let dir = folder("set");
+    c.write_c("set", CReal::Double).unwrap().write(&dir).unwrap();
+    // what both do: at sample 3 another place between preparation and feedback, at sample 6 another load, then a measurement that is none
+    let driver = "#include \"set.h\"\n#include <math.h>\n#include <stdio.h>\nint main(void) {\n    int k;\n    double u;\n    \
+        for (k = 0; k < 12; k++) {\n        const double y[] = {0.5, 0.0, 0.0}, p[] = {-0.2}, bad[] = {NAN, 0.0, 0.0};\n        \
+        double x[] = {0.3 * cos(k), 0.1 * sin(3.0 * k)};\n        if (k == 6 && !set_set_params(p))\n            return 1;\n        \
+        set_prepare();\n        if (k == 3 && (!set_set_reference(0, y) || set_set_reference(0, bad) || set_set_reference(1, y)))\n            \
+        return 2;\n        if (k == 9)\n            x[0] = NAN;\n        printf(\"%d \", set_feedback(x, &u));\n        \
+        printf(\"%.17g\\n\", u);\n    }\n    return 0;\n}\n";
+    std::fs::write(dir.join("driver.c"), driver).unwrap();
+    run(&dir, "make", &["-s", "set.o"]);
+    run(&dir, "cc", &["-std=c99", "-Wall", "-Werror", "driver.c", "set.o", "-o", "driver", "-lm"]);
+    let said = run(&dir, "./driver", &[]);
+    std::fs::remove_dir_all(&dir).unwrap();
+    let mut lines = said.lines();
+    for k in 0..12 {
+        let time = f64::from(k);
+        let mut x = [0.3 * time.cos(), 0.1 * (3.0 * time).sin()];
+        if k == 6 {
+            c.set_params(&[-0.2]).unwrap();
+        }
+        c.prepare(None).unwrap();
+        if k == 3 {
+            c.set_references(0, &[0.5, 0.0, 0.0]).unwrap();
+        }
+        if k == 9 {
+            x[0] = f64::NAN;
+        }
+        let mut u = [0.0];
+        let source = c.feedback(&x, &mut u).unwrap().source;
+        let (in_c, control) = lines.next().unwrap().split_once(' ').unwrap();
+        assert_eq!(in_c, (source as usize).to_string(), "{k}");
+        let control: f64 = control.trim().parse().unwrap();
+        assert!((control - u[0]).abs() < 1e-12, "{k}: {control} {}", u[0]);
+    }
 }

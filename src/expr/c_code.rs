@@ -80,7 +80,9 @@ fn single(code: &str) -> Result<String> {
     while i < bytes.len() {
         let from = i;
         if bytes[i].is_ascii_digit() {
-            let in_number = |k: usize| in_word(bytes[k]) || bytes[k] == b'.' || (matches!(bytes[k], b'+' | b'-') && bytes[k - 1] == b'e');
+            let in_number = |k: usize| {
+                in_word(bytes[k]) || bytes[k] == b'.' || (matches!(bytes[k], b'+' | b'-') && bytes[k - 1] == b'e')
+            };
             while i < bytes.len() && (i == from || in_number(i)) {
                 i += 1;
             }
@@ -89,7 +91,9 @@ fn single(code: &str) -> Result<String> {
             if text.contains(['.', 'e']) && !text.starts_with("0x") {
                 let fits = text.parse::<f64>().is_ok_and(|v| (v as f32).is_finite());
                 if !fits {
-                    return Err(Error::Range(format!("the constant {text} is too large for single precision: take double")));
+                    return Err(Error::Range(format!(
+                        "the constant {text} is too large for single precision: take double"
+                    )));
                 }
                 out.push('f');
             }

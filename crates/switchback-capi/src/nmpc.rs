@@ -6,10 +6,12 @@ use super::ocp::{copied, swb_ocp};
 use super::raw;
 use super::report::{check_sized, write_sized, Sized8};
 use super::status::swb_status;
+use std::ffi::c_char;
 use std::mem::size_of;
 use std::ptr;
 use std::sync::atomic::Ordering;
 use switchback::error::{Error, Result};
+use switchback::expr::CReal;
 use switchback::nmpc::{Feedback, Level, Monitor, Nmpc, Options, Preparation, QpMethod, Scheme, Worker};
 use switchback::session::listening;
 use switchback::stop::Stop;
@@ -65,6 +67,16 @@ pub enum swb_nmpc_qp {
     Stagewise = 1,
     /// The one of both that needs fewer operations at the size of the problem.
     Auto = 2,
+}
+
+/// Numbers of C code.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_c_real {
+    /// double
+    Double = 0,
+    /// float
+    Float = 1,
 }
 
 /// Sources of a control.
@@ -660,6 +672,33 @@ pub unsafe extern "C" fn swb_nmpc_set_iterate(
     })
 }
 
+/// Write the controller as C files (C99) to a folder, which is made if it is not there: prefix.h, prefix.c, prefix_main.c, prefix_record.h and
+/// Makefile. There is no heap, no thread and no clock; all memory is one static object of prefix_arena_bytes bytes.
+///
+/// The functions are prefix_prepare, prefix_feedback, prefix_set_reference, prefix_set_params, prefix_reset, prefix_plan_x and prefix_plan_u, described
+/// in prefix.h. The controller in C begins with the present plan, parameters and references. The main program repeats a closed loop that is
+/// recorded here; this controller is afterwards as after swb_nmpc_set_iterate with its plan.
+///
+/// @param[in] folder    path, UTF-8
+/// @param[in] prefix    what names begin with, a C identifier
+/// @param[in] precision an enum swb_c_real
+/// @return SWB_OK; SWB_ERR_UNSUPPORTED with a message for systems that switch, implicit methods, algebraic states, costs that are no least
+///         squares, functions that are no expressions, schemes other than rti and as_rti, levels other than d0; SWB_ERR_STATE if qp_solver is not
+///         stagewise; SWB_ERR_RANGE for the prefix, the precision, or if a file cannot be written
+#[no_mangle]
+pub unsafe extern "C" fn swb_nmpc_write_c(
+    c: *mut swb_nmpc,
+    folder: *const c_char,
+    prefix: *const c_char,
+    precision: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (folder, prefix) = (raw::text(folder, "folder")?, raw::text(prefix, "prefix")?);
+        let real = pick("precision", &[CReal::Double, CReal::Float], precision)?;
+        handle::with_mut(c, |c| c.run(|c| c.write_c(prefix, real)?.write(std::path::Path::new(folder))))
+    })
+}
+
 /// Back to the start: the guess of the problem, no multipliers, nothing measured, monitor at zero.
 ///
 /// @return SWB_OK
@@ -770,6 +809,8 @@ mod tests {
             (swb_nmpc_qp::Condensing as i32, QpMethod::Condensing as i32),
             (swb_nmpc_qp::Stagewise as i32, QpMethod::Stagewise as i32),
             (swb_nmpc_qp::Auto as i32, QpMethod::Auto as i32),
+            (swb_c_real::Double as i32, CReal::Double as i32),
+            (swb_c_real::Float as i32, CReal::Float as i32),
         ];
         assert!(schemes.iter().chain(&levels).chain(&sources).chain(&ends).all(|(a, b)| a == b));
     }

@@ -741,6 +741,7 @@ static real cost_of_cutting(void) {
         copy(NX, &w.c[k * NX], next);
         gemv(NX, NW, &w.f[k * NX * NW], NX, z, next);
     }
+    fill(NX, 0, own);
     for (k = N; k >= 0; k--) {
         copy(NW, &w.grad[k * NW], w.m);
         gemv(NW, NW, &w.hess[k * NW * NW], NW, &w.kept[k * NW], w.m);

@@ -35,7 +35,9 @@ impl CCode {
     /// # Errors
     /// [`Error::Range`] where a file cannot be written.
     pub fn write(&self, folder: &std::path::Path) -> Result<()> {
-        let failed = |what: &std::path::Path, e: std::io::Error| Error::Range(format!("{} cannot be written: {e}", what.display()));
+        let failed = |what: &std::path::Path, e: std::io::Error| {
+            Error::Range(format!("{} cannot be written: {e}", what.display()))
+        };
         std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
         for (name, text) in &self.files {
             let path = folder.join(name);
@@ -68,7 +70,17 @@ fn table(out: &mut String, kind: &str, name: &str, values: impl Iterator<Item = 
     }
     let _ = write!(out, "static const {kind} {name}[] = {{");
     for (i, v) in values.iter().enumerate() {
-        let _ = write!(out, "{}{v}", if i == 0 { "" } else if i % 12 == 0 { ",\n    " } else { ", " });
+        let _ = write!(
+            out,
+            "{}{v}",
+            if i == 0 {
+                ""
+            } else if i % 12 == 0 {
+                ",\n    "
+            } else {
+                ", "
+            }
+        );
     }
     out.push_str("};\n");
 }
@@ -119,7 +131,9 @@ impl Nmpc {
         let identifier = prefix.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
             && prefix.chars().next().is_some_and(|c| c.is_ascii_alphabetic());
         if !identifier {
-            return Err(Error::Range(format!("'{prefix}' cannot begin names in C: use letters, digits and underscores")));
+            return Err(Error::Range(format!(
+                "'{prefix}' cannot begin names in C: use letters, digits and underscores"
+            )));
         }
         self.check_c()?;
         let (x, u) = {
@@ -166,7 +180,10 @@ impl Nmpc {
             return refuse("parameters that differ from stage to stage");
         }
         if o.qp != QpMethod::Stagewise {
-            return Err(Error::State("the files solve quadratic programs stage by stage: make the controller with qp_solver \"stagewise\"".into()));
+            return Err(Error::State(
+                "the files solve quadratic programs stage by stage: make the controller with qp_solver \"stagewise\""
+                    .into(),
+            ));
         }
         Ok(())
     }
@@ -326,7 +343,8 @@ enum {{ MOST = 60, CORRECTIONS = 4, PATIENCE = 1 }};
         let (nx, nu) = (self.nx(), self.nu());
         let monitor = *self.monitor();
         self.set_iterate(x, u)?;
-        let size: Vec<f64> = (0..nx).map(|i| x.iter().skip(i).step_by(nx).fold(0.0f64, |m, v| m.max(v.abs()))).collect();
+        let size: Vec<f64> =
+            (0..nx).map(|i| x.iter().skip(i).step_by(nx).fold(0.0f64, |m, v| m.max(v.abs()))).collect();
         let mut state = x[..nx].to_vec();
         let mut control = vec![0.0; nu];
         let (mut states, mut controls, mut sources) = (Vec::new(), Vec::new(), Vec::new());
@@ -347,7 +365,10 @@ enum {{ MOST = 60, CORRECTIONS = 4, PATIENCE = 1 }};
         }
         self.set_iterate(x, u)?;
         self.monitor = monitor;
-        let mut out = format!("/* A loop of the library's controller: states, controls and their sources. */\nenum {{ SAMPLES = {} }};\n", sources.len());
+        let mut out = format!(
+            "/* A loop of the library's controller: states, controls and their sources. */\nenum {{ SAMPLES = {} }};\n",
+            sources.len()
+        );
         let kind = format!("{prefix}_real");
         table(&mut out, &kind, "RECORD_X", states.iter().map(|v| w.number(*v)));
         table(&mut out, &kind, "RECORD_U", controls.iter().map(|v| w.number(*v)));

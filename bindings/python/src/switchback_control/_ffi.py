@@ -435,6 +435,13 @@ class NmpcQp(Names):
     AUTO = 2
 
 
+class CReal(Names):
+    """enum swb_c_real"""
+
+    DOUBLE = 0
+    FLOAT = 1
+
+
 class NmpcSource(Names):
     """enum swb_nmpc_source"""
 
@@ -1376,6 +1383,7 @@ FUNCTIONS = {
     "swb_nmpc_set_time": (c_int32, [c_void_p, c_double]),
     "swb_nmpc_set_deadline": (c_int32, [c_void_p, c_double]),
     "swb_nmpc_set_iterate": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_nmpc_write_c": (c_int32, [c_void_p, c_char_p, c_char_p, c_int64]),
     "swb_nmpc_reset": (c_int32, [c_void_p]),
     "swb_nmpc_get_plan": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_nmpc_get_monitor": (c_int32, [c_void_p, POINTER(swb_nmpc_monitor), c_uint64]),

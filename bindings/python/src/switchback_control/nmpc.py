@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import os
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Callable, Mapping
 
 import numpy
@@ -11,7 +13,7 @@ import numpy
 from . import _ffi
 from ._arrays import Array, address, choice, index, number, real, table, vector
 from ._call import Handle, aside, check
-from ._ffi import NmpcLevel, NmpcQp, NmpcQpStatus, NmpcScheme, NmpcSource, RkFamily
+from ._ffi import CReal, NmpcLevel, NmpcQp, NmpcQpStatus, NmpcScheme, NmpcSource, RkFamily
 from ._library import lib
 from ._progress import Progress
 from .errors import ArgumentError, DimensionError
@@ -255,6 +257,23 @@ class Nmpc(Handle):
         """Set states [n + 1, nx] and controls [n, nu] as the iterate."""
         x, u = table(x, self.n + 1, self.nx, "x"), table(u, self.n, self.nu, "u")
         self._do("set_iterate", address(x), x.size, address(u), u.size)
+
+    def write_c(self, folder: str | os.PathLike, prefix: str = "controller", precision: str | CReal = "double") -> list[Path]:
+        """Write the controller as C files (C99) without heap, threads or a clock, and return their paths: `prefix.h`, `prefix.c`,
+        `prefix_main.c`, `prefix_record.h` and `Makefile`.
+
+        folder     is made if it is not there
+        prefix     what names begin with
+        precision  "double" or "float"
+
+        The controller in C begins with the present plan, parameters and references: call `initialise` before. `make test` in the folder repeats a
+        closed loop that is recorded here; this controller is afterwards as after `set_iterate` with its plan. It takes smooth problems from
+        expressions with least squares, explicit methods, schemes "rti" and "as_rti" with level "d0", and `qp_solver="stagewise"`.
+        """
+        folder = Path(folder)
+        kind = int(choice(CReal, precision, "precision"))
+        self._do("write_c", os.fsencode(folder), str(prefix).encode(), kind)
+        return [folder / name for name in (f"{prefix}.h", f"{prefix}.c", f"{prefix}_main.c", f"{prefix}_record.h", "Makefile")]
 
     def reset(self) -> None:
         """Back to the start: the guess of the problem, nothing measured."""
