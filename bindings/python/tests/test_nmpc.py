@@ -48,6 +48,32 @@ def test_feedback_is_that_of_riccati():
         assert c.monitor.feedbacks == 1
 
 
+@pytest.mark.parametrize("scheme", ["rti", "as_rti"])
+def test_both_methods_for_quadratic_programs_agree(scheme):
+    def run(method):
+        with swb.Nmpc(problem(integrator()), scheme, qp_solver=method, shift=True) as c:
+            return swb.closed_loop(c, integrator(), [1.5, 0.0], 40).x
+
+    np.testing.assert_allclose(run("stagewise"), run("condensing"), atol=1e-9)
+    with pytest.raises(swb.ArgumentError, match="qp_solver"):
+        run("dense")
+
+
+def test_a_controller_in_c_is_refused_with_what_to_do(tmp_path):
+    with swb.Nmpc(problem(integrator()), qp_solver="condensing") as c:
+        with pytest.raises(swb.StateError, match="stagewise"):
+            c.write_c(tmp_path)
+    with swb.Nmpc(problem(integrator()), qp_solver="stagewise") as c:
+        with pytest.raises(swb.RangeError, match="letters"):
+            c.write_c(tmp_path, prefix="a-b")
+        with pytest.raises(swb.ArgumentError, match="precision"):
+            c.write_c(tmp_path, precision="half")
+        assert not list(tmp_path.iterdir())
+        paths = c.write_c(tmp_path / "new", precision="float")
+        assert all(p.stat().st_size > 0 for p in paths)
+        assert "typedef float controller_real" in paths[0].read_text()
+
+
 @pytest.mark.parametrize("scheme", ["rti", "mli", "as_rti", "asc"])
 @pytest.mark.parametrize("level", ["a", "b", "c", "d", "d1", "d2"])
 def test_every_scheme_stabilises(scheme, level):
