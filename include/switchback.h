@@ -1862,6 +1862,31 @@ typedef int32_t swb_nmpc_qp_status;
 #endif // __cplusplus
 
 /**
+ * Numbers of C code.
+ */
+enum swb_c_real
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * double
+     */
+    SWB_C_REAL_DOUBLE = 0,
+    /**
+     * float
+     */
+    SWB_C_REAL_FLOAT = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_c_real swb_c_real;
+#else
+typedef int32_t swb_c_real;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Kinds of members of complementarity pairs.
  */
 enum swb_member
