@@ -206,6 +206,17 @@ static void bad_input(void)
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_sizes(c, &n, NULL, &n));
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_get_monitor(c, NULL, 8));
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_initialise(c, NULL, 2, 3, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_nmpc_set_weights(c, 9, x, 2));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_nmpc_set_weights(c, -1, x, 2));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_nmpc_set_weights(c, 1, x, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_nmpc_set_control_bounds(c, x, x, 2));
+    CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_set_control_bounds(c, NULL, x, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_nmpc_set_control_bounds(c, &nan1, &nan1, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_nmpc_set_state_bounds(c, x, x, 1));
+    CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_get_objective(c, NULL));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_nmpc_get_gain(c, x, 1));
+    CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_count_rows(c, NULL));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_nmpc_get_multipliers(c, x, 2, &u, 1, NULL, 0, NULL, 0));
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_write_c(c, NULL, "c", SWB_C_REAL_DOUBLE));
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_write_c(c, ".", NULL, SWB_C_REAL_DOUBLE));
     CHECK_STATUS(SWB_ERR_RANGE, swb_nmpc_write_c(c, ".", "c", 2));

@@ -7130,6 +7130,91 @@ swb_status swb_nmpc_set_references(struct swb_nmpc *c,
 SWB_API swb_status swb_nmpc_set_time(struct swb_nmpc *c, double t0);
 
 /**
+ * Set the weights of a least-squares term, in the order they were added to the problem: from the next preparation on.
+ *
+ * @param[in] w [n_w] the diagonal, or the matrix row by row
+ * @return SWB_OK; SWB_ERR_RANGE for a term there is not, or a weight that is not finite; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_nmpc_set_weights(struct swb_nmpc *c,
+                                int64_t term,
+                                const double *w,
+                                int64_t n_w);
+
+/**
+ * Set the bounds of the controls, infinite for none. Between a preparation and its feedback they count at once.
+ *
+ * @param[in] lower [nu]
+ * @param[in] upper [nu]
+ * @return SWB_OK; SWB_ERR_RANGE if a lower bound is above the upper one or NaN; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_nmpc_set_control_bounds(struct swb_nmpc *c,
+                                       const double *lower,
+                                       const double *upper,
+                                       int64_t nu);
+
+/**
+ * Set the bounds of the states that have a derivative, infinite for none. Between a preparation and its feedback they count at once.
+ *
+ * @param[in] lower [nx]
+ * @param[in] upper [nx]
+ * @return SWB_OK; SWB_ERR_RANGE if a lower bound is above the upper one or NaN, or for a state that has no bound in the problem;
+ *         SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_nmpc_set_state_bounds(struct swb_nmpc *c,
+                                     const double *lower,
+                                     const double *upper,
+                                     int64_t nx);
+
+/**
+ * The cost of the plan with the prices of its violations, summed over the nodes as in (10.1).
+ *
+ * @param[out] value
+ * @return SWB_OK; SWB_ERR_NUMERIC if functions have no value at the plan; SWB_ERR_STATE without values of the parameters; SWB_ERR_NULL
+ */
+SWB_API
+swb_status swb_nmpc_get_objective(struct swb_nmpc *c,
+                                  double *value);
+
+/**
+ * The feedback gain of the first stage where no constraint is active: u = u_0 + K (x - x_0).
+ *
+ * @param[out] k [nu nx] row by row
+ * @return SWB_OK; SWB_ERR_STATE if nothing is prepared; SWB_ERR_DIMENSION; SWB_ERR_NULL
+ */
+SWB_API swb_status swb_nmpc_get_gain(struct swb_nmpc *c, double *k, int64_t n);
+
+/**
+ * Rows of constraints of the program: bounds of states and constraints, node by node.
+ *
+ * @param[out] rows
+ * @return SWB_OK; SWB_ERR_NULL
+ */
+SWB_API swb_status swb_nmpc_count_rows(struct swb_nmpc *c, int64_t *rows);
+
+/**
+ * Multipliers of the plan: positive at upper, negative at lower bounds.
+ *
+ * @param[out] lambda [(n + 1) nx] of the dynamics, the first of the initial value
+ * @param[out] mu     [n nu] of the bounds of the controls
+ * @param[out] row_mu [rows] of the rows of constraints, see swb_nmpc_count_rows
+ * @param[out] nodes  [rows] the nodes of these
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
+ */
+SWB_API
+swb_status swb_nmpc_get_multipliers(struct swb_nmpc *c,
+                                    double *lambda,
+                                    int64_t n_lambda,
+                                    double *mu,
+                                    int64_t n_mu,
+                                    double *row_mu,
+                                    int64_t n_row_mu,
+                                    int64_t *nodes,
+                                    int64_t n_nodes);
+
+/**
  * Set the seconds a feedback may take.
  *
  * @return SWB_OK; SWB_ERR_RANGE if they are not positive

@@ -1517,6 +1517,29 @@ public:
     void finish() { detail::check(swb_nmpc_finish(get())); }
     void params(View p) { detail::check(swb_nmpc_set_params(get(), p.data(), p.length())); }
     void references(int64_t term, View y) { detail::check(swb_nmpc_set_references(get(), term, y.data(), y.length())); }
+    /// The diagonal or the matrix; from the next preparation on.
+    void weights(int64_t term, View w) { detail::check(swb_nmpc_set_weights(get(), term, w.data(), w.length())); }
+    /// Infinite for none.
+    void control_bounds(View lower, View upper) {
+        detail::check(lower.length() == upper.length() ? swb_nmpc_set_control_bounds(get(), lower.data(), upper.data(), lower.length())
+                                                       : SWB_ERR_DIMENSION);
+    }
+    void state_bounds(View lower, View upper) {
+        detail::check(lower.length() == upper.length() ? swb_nmpc_set_state_bounds(get(), lower.data(), upper.data(), lower.length())
+                                                       : SWB_ERR_DIMENSION);
+    }
+    /// Cost of the plan with the prices of its violations.
+    double objective() {
+        double v = 0.0;
+        detail::check(swb_nmpc_get_objective(get(), &v));
+        return v;
+    }
+    /// Gain of the first stage, row by row, where no constraint is active.
+    Vector gain() {
+        Vector k(static_cast<std::size_t>(nu_ * nx_));
+        detail::check(swb_nmpc_get_gain(get(), k.data(), nu_ * nx_));
+        return k;
+    }
     void time(double t0) { detail::check(swb_nmpc_set_time(get(), t0)); }
     void deadline(double seconds) { detail::check(swb_nmpc_set_deadline(get(), seconds)); }
     void iterate(View x, View u) { detail::check(swb_nmpc_set_iterate(get(), x.data(), x.length(), u.data(), u.length())); }

@@ -97,6 +97,7 @@ NAVIGATION = """
       - Model predictive control: benchmarks/nmpc.md
       - Contraction of real-time iterations: benchmarks/nmpc_contraction.md
       - Quadratic programs of control: benchmarks/nmpc_qp.md
+      - Quadratic programs of long horizons: benchmarks/nmpc_horizon.md
       - Linear algebra: benchmarks/linalg.md
       - Evaluation of models: benchmarks/model-eval.md
       - Calls from Python: benchmarks/python.md

@@ -7,6 +7,7 @@ mod problems;
 
 use problems::{chain, pendulum, scheme, Case, Loop};
 use std::sync::Arc;
+use switchback::error::Error;
 use switchback::expr::Graph;
 use switchback::func::Dims;
 use switchback::nmpc::*;
@@ -394,6 +395,118 @@ fn what_is_set_between_preparation_and_feedback_counts() {
 }
 
 /// The same calls give the same bits.
+/// A mass with bounds of its speed and its control, and its weights.
+fn bounded(weights: &[f64], speed: f64, force: f64, qp: QpMethod, level: Level) -> Nmpc {
+    let g = Graph::new();
+    let dims = Dims { x: 2, u: 1, p: 0 };
+    let f: SharedFunction = Arc::new(g.function("f", dims, &[g.x(1), g.u(0)]).unwrap());
+    let all: SharedFunction = Arc::new(g.function("all", dims, &[g.x(0), g.x(1), g.u(0)]).unwrap());
+    let mut system = System::new(2, 1, 0).unwrap();
+    system.set_f0(f).unwrap();
+    let mut ocp = Ocp::new(&system, 2.0, 20, &Settings::default()).unwrap();
+    ocp.add_least_squares(all, weights, &[0.0; 3], CostAt::Running).unwrap();
+    ocp.set_u_bounds(&[-force], &[force]).unwrap();
+    ocp.set_x_bounds(&[f64::NEG_INFINITY, -speed], &[f64::INFINITY, speed]).unwrap();
+    let scheme = if level == Level::D0 { Scheme::Rti } else { Scheme::Mli };
+    let explicit = Options { family: Some(Family::Explicit), n_s: 4, steps: 1, ..Options::default() };
+    Nmpc::new(&ocp, &Options { scheme, level, qp, ..explicit }).unwrap()
+}
+
+/// What is set is what a controller has that is made of it: bounds at once, weights from the next preparation on.
+#[test]
+fn weights_and_bounds_at_run_time() {
+    let x = [1.0, -0.2];
+    let first = |c: &mut Nmpc| {
+        let mut u = [0.0];
+        assert_eq!(c.feedback(&x, &mut u).unwrap().source, Source::Qp);
+        (u[0], c.plan().x().to_vec())
+    };
+    let close = |a: &(f64, Vec<f64>), b: &(f64, Vec<f64>)| {
+        (a.0 - b.0).abs() < 1e-9 && a.1.iter().zip(&b.1).all(|(a, b)| (a - b).abs() < 1e-9)
+    };
+    for qp in [QpMethod::Condensing, QpMethod::Stagewise] {
+        for level in [Level::D0, Level::C] {
+            let made = |weights: &[f64], speed, force| {
+                let mut c = bounded(weights, speed, force, qp, level);
+                c.prepare(None).unwrap();
+                c
+            };
+            let (old, new) = ([5.0, 0.1, 0.01], [1.0, 0.1, 0.5]);
+            let before = first(&mut made(&old, 2.0, 3.0));
+            let mut c = made(&old, 2.0, 3.0);
+            c.set_control_bounds(&[-1.0], &[0.7]).unwrap();
+            c.set_control_bounds(&[-1.0], &[1.0]).unwrap();
+            assert!(close(&first(&mut c), &first(&mut made(&old, 2.0, 1.0))));
+            let mut c = made(&old, 2.0, 3.0);
+            c.set_state_bounds(&[f64::NEG_INFINITY, -0.4], &[f64::INFINITY, 0.4]).unwrap();
+            let slow = first(&mut c);
+            assert!(close(&slow, &first(&mut made(&old, 0.4, 3.0))) && !close(&slow, &before));
+            let mut c = made(&old, 2.0, 3.0);
+            c.set_weights(0, &new).unwrap();
+            assert!(close(&first(&mut c), &before));
+            c.reset();
+            c.prepare(None).unwrap();
+            let lazy = first(&mut c);
+            assert!(close(&lazy, &first(&mut made(&new, 2.0, 3.0))) && !close(&lazy, &before));
+            // a matrix counts by its symmetric part
+            c.set_weights(0, &[5.0, 0.2, 0.0, -0.2, 0.1, 0.0, 0.0, 0.0, 0.01]).unwrap();
+            c.prepare(None).unwrap();
+            assert!(close(&first(&mut c), &before));
+        }
+    }
+    let mut c = bounded(&[1.0; 3], 1.0, 1.0, QpMethod::Auto, Level::D0);
+    assert!(matches!(c.set_weights(1, &[1.0; 3]), Err(Error::Range(_))));
+    assert!(matches!(c.set_weights(0, &[1.0; 2]), Err(Error::Dimension(_))));
+    assert!(matches!(c.set_control_bounds(&[1.0], &[0.0]), Err(Error::Range(_))));
+    assert!(matches!(c.set_control_bounds(&[], &[]), Err(Error::Dimension(_))));
+    let unknown = c.set_state_bounds(&[-1.0, -1.0], &[1.0, 1.0]);
+    assert!(matches!(unknown, Err(Error::Range(what)) if what.contains("state 0 has no bound")));
+}
+
+/// The first multiplier is the derivative of the cost by the initial value, that of a row by its bound; the gain that of the control.
+#[test]
+fn multipliers_and_gains_are_derivatives() {
+    for qp in [QpMethod::Condensing, QpMethod::Stagewise] {
+        let mut c = bounded(&[5.0, 0.1, 0.1], 0.5, 3.0, qp, Level::D0);
+        let mut cost = |x: &[f64; 2], speed: f64| {
+            c.reset();
+            c.set_state_bounds(&[f64::NEG_INFINITY, -speed], &[f64::INFINITY, speed]).unwrap();
+            c.prepare(None).unwrap();
+            let mut u = [0.0];
+            c.feedback(x, &mut u).unwrap();
+            let objective = c.objective().unwrap();
+            let mut gain = [0.0; 2];
+            c.prepare(None).unwrap();
+            c.gain(&mut gain).unwrap();
+            let plan = c.plan();
+            (objective, plan.lambda()[..2].to_vec(), plan.row_mu().iter().sum::<f64>(), u[0], gain)
+        };
+        let (x, d) = ([0.6, -0.1], 1e-5);
+        let (_, lambda, mu, ..) = cost(&x, 0.5);
+        for i in 0..2 {
+            let mut moved = |by: f64| {
+                let mut y = x;
+                y[i] += by;
+                cost(&y, 0.5).0
+            };
+            let slope = (moved(d) - moved(-d)) / (2.0 * d);
+            assert!((slope - lambda[i]).abs() < 1e-6 * (1.0 + slope.abs()), "{qp:?} {i}: {slope} {}", lambda[i]);
+        }
+        // all speeds are at the lower bound, which moves with the upper one: -mu
+        let slope = (cost(&x, 0.5 + d).0 - cost(&x, 0.5 - d).0) / (2.0 * d);
+        assert!(mu < -1e-3 && (slope - mu).abs() < 1e-5, "{qp:?}: {slope} {mu}");
+        let (.., gain) = cost(&[0.01, 0.0], 0.5);
+        for i in 0..2 {
+            let mut at = |by: f64| cost(&[if i == 0 { by } else { 0.0 }, if i == 1 { by } else { 0.0 }], 0.5).3;
+            let slope = (at(1e-3) - at(-1e-3)) / 2e-3;
+            assert!((slope - gain[i]).abs() < 1e-7 * (1.0 + slope.abs()), "{qp:?} {i}: {slope} {}", gain[i]);
+        }
+        assert!(matches!(c.gain(&mut [0.0]), Err(Error::Dimension(_))));
+        c.reset();
+        assert!(matches!(c.gain(&mut [0.0; 2]), Err(Error::State(_))));
+    }
+}
+
 #[test]
 fn runs_repeat_to_the_bit() {
     let case = pendulum();

@@ -113,6 +113,11 @@ impl Branches {
         self.used
     }
 
+    /// Does something to the programs of all alternatives.
+    pub fn each(&mut self, mut change: impl FnMut(&mut Linearisation)) {
+        self.others.iter_mut().for_each(|b| change(&mut b.lin));
+    }
+
     /// Nothing is prepared any more.
     pub fn forget(&mut self) {
         self.used = 0;

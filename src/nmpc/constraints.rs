@@ -143,6 +143,29 @@ impl Constraints {
         }
     }
 
+    /// Does the program have rows for bounds of state `i`?
+    pub fn has_row(&self, i: usize) -> bool {
+        self.sources.iter().any(|s| s.group == STATES && s.out == i)
+    }
+
+    /// Other bounds of the differential states, those that have rows.
+    pub fn set_state_bounds(&mut self, lower: &[f64], upper: &[f64]) {
+        for s in self.sources.iter_mut().filter(|s| s.group == STATES && s.out < lower.len()) {
+            (s.lower, s.upper) = (lower[s.out], upper[s.out]);
+        }
+    }
+
+    /// Bounds of the differential states for steps from states `x` of all nodes.
+    pub fn write_state_bounds(&self, x: &[f64], qp: &mut StageQp) {
+        let nx = qp.nx;
+        for (i, (s, r)) in self.sources.iter().zip(&self.rows).enumerate() {
+            if s.group == STATES && s.out < nx {
+                let value = x[r.node * nx + s.out];
+                (qp.row_lower[i], qp.row_upper[i]) = (s.lower - value, s.upper - value);
+            }
+        }
+    }
+
     /// Jacobians of the rows.
     pub fn write_jacobian(&self, nodes: &Nodes, qp: &mut StageQp, row: &mut [f64]) {
         for i in 0..self.sources.len() {

@@ -1,5 +1,7 @@
 //! The controller: what happens between samples and at them.
 
+mod changes;
+
 use super::branch::{Branches, Effort};
 use super::iterate::{Iterate, Step};
 use super::linearise::{Linearisation, Model};
@@ -107,6 +109,8 @@ pub struct Nmpc {
     work: Vec<f64>,
     /// The iterate is what a step of the present program led to.
     stepped: bool,
+    /// Frozen matrices are those of other weights.
+    outdated: bool,
     /// The last program had rows that could not all be met; the price per unit of their violation, zero where none is known.
     violating: bool,
     price: f64,
@@ -174,6 +178,7 @@ impl Nmpc {
             floors: vec![0.0; nx + nu],
             work: vec![0.0; 2 * nx + nu],
             stepped: false,
+            outdated: false,
             violating: false,
             price: 0.0,
             start: [vec![0.0; (n + 1) * nx], vec![0.0; n * nu]],
@@ -411,6 +416,7 @@ impl Nmpc {
         self.largest = 0.0;
         self.shock = 0.0;
         self.stepped = false;
+        self.outdated = false;
         self.violating = false;
         self.price = 0.0;
         self.lin.reset();
@@ -479,6 +485,7 @@ impl Nmpc {
         }
         let start = Instant::now();
         self.finish();
+        self.take_weights();
         let before = self.model.evaluations();
         if let Some(x) = predicted {
             self.predicted.copy_from_slice(x);
@@ -500,6 +507,10 @@ impl Nmpc {
 
     /// Inner iterations and a linearisation; their number.
     fn prepare_smooth(&mut self) -> Result<usize> {
+        if std::mem::take(&mut self.outdated) {
+            let outcome = self.lin.linearise(&mut self.model, &self.iterate);
+            self.note(outcome)?;
+        }
         let inner = match self.options.scheme {
             Scheme::Rti | Scheme::Mli => 0,
             Scheme::AsRti | Scheme::Asc => self.inner_iterations()?,
@@ -926,6 +937,7 @@ impl Nmpc {
         self.check_params()?;
         finite("initial value", x0, self.nx())?;
         self.finish();
+        self.take_weights();
         self.has_prediction = false;
         let nx = self.nx();
         if self.model.switches {

@@ -16,6 +16,9 @@ pub(super) struct Squares {
     pub by_length: bool,
     /// `W`, `[n_out²]`, symmetric; whether it is diagonal.
     pub weights: Vec<f64>,
+    /// Those that count from the next preparation on, where there are any.
+    next_weights: Vec<f64>,
+    has_next: bool,
     diagonal: bool,
     /// `y`, one for every node.
     pub references: Vec<f64>,
@@ -62,24 +65,47 @@ impl Squares {
         let (first, count) = nodes_of(place, n);
         let f = Many::new(f, count, second);
         let r = f.n_out();
-        let diagonal = weights.len() == r;
-        let full = if diagonal {
-            (0..r * r).map(|k| if k % (r + 1) == 0 { weights[k / (r + 1)] } else { 0.0 }).collect()
-        } else {
-            (0..r * r).map(|k| 0.5 * (weights[k] + weights[k % r * r + k / r])).collect()
-        };
         let mut own = Squares {
             first,
             by_length: place == CostAt::Running,
-            weights: full,
-            diagonal,
+            weights: vec![0.0; r * r],
+            next_weights: vec![0.0; r * r],
+            has_next: false,
+            diagonal: true,
             references: vec![0.0; r * count],
             weighted: vec![0.0; r * count],
             rows: vec![0.0; r * (f.dims.x + f.dims.u)],
             f,
         };
+        own.keep_weights(weights);
+        own.take_weights();
         own.set_references(references);
         own
+    }
+
+    /// The diagonal of `W`, or all of it, of which the symmetric part counts: from [`Squares::take_weights`] on.
+    pub fn keep_weights(&mut self, weights: &[f64]) {
+        let r = self.f.n_out();
+        let diagonal = weights.len() == r;
+        self.has_next = true;
+        for (k, own) in self.next_weights.iter_mut().enumerate() {
+            *own = match diagonal {
+                true if k % (r + 1) == 0 => weights[k / (r + 1)],
+                true => 0.0,
+                false => 0.5 * (weights[k] + weights[k % r * r + k / r]),
+            };
+        }
+    }
+
+    /// Takes over what was kept; is there something?
+    pub fn take_weights(&mut self) -> bool {
+        if !self.has_next {
+            return false;
+        }
+        let r = self.f.n_out();
+        std::mem::swap(&mut self.weights, &mut self.next_weights);
+        self.diagonal = self.weights.iter().enumerate().all(|(k, w)| k % (r + 1) == 0 || *w == 0.0);
+        std::mem::take(&mut self.has_next)
     }
 
     /// One reference for all nodes, or one for each.

@@ -42,6 +42,16 @@ impl Iterate {
         &self.lambda
     }
 
+    /// Multipliers of the bounds of the controls `[n · nu]`: positive at upper, negative at lower bounds.
+    pub fn u_mu(&self) -> &[f64] {
+        &self.u_mu
+    }
+
+    /// Multipliers of the rows of constraints, node by node: positive at upper, negative at lower bounds.
+    pub fn row_mu(&self) -> &[f64] {
+        &self.row_mu
+    }
+
     pub(super) fn copy_from(&mut self, other: &Iterate) {
         self.x.copy_from_slice(&other.x);
         self.u.copy_from_slice(&other.u);

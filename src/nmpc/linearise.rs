@@ -307,6 +307,12 @@ impl Linearisation {
         let nx = self.qp.nx;
         let gap = self.next.iter().zip(&self.point.x[nx..]);
         self.qp.c.iter_mut().zip(gap).for_each(|(c, (psi, x))| *c = psi - x);
+        self.embed_control_bounds(model);
+        model.constraints.write_bounds(&mut self.qp);
+    }
+
+    /// Brings the bounds of the controls into the program.
+    pub fn embed_control_bounds(&mut self, model: &Model) {
         let write = |to: &mut [f64], bound: &[f64]| {
             for (k, v) in to.iter_mut().enumerate() {
                 *v = bound[k % bound.len()] - self.point.u[k];
@@ -314,7 +320,18 @@ impl Linearisation {
         };
         write(&mut self.qp.u_lower, &model.u_lower);
         write(&mut self.qp.u_upper, &model.u_upper);
-        model.constraints.write_bounds(&mut self.qp);
+    }
+
+    /// Brings the bounds of the states into the program.
+    pub fn embed_state_bounds(&mut self, model: &Model) {
+        model.constraints.write_state_bounds(&self.point.x, &mut self.qp);
+    }
+
+    /// Forgets what was learned of the Hessian: the cost is another one.
+    pub fn forget_updates(&mut self) {
+        if let Some(u) = &mut self.updates {
+            u.reset();
+        }
     }
 
     fn write_hessian(&mut self, model: &mut Model) {
@@ -669,8 +686,6 @@ impl Linearisation {
     pub fn reset(&mut self) {
         self.ready = false;
         self.solver.reset();
-        if let Some(u) = &mut self.updates {
-            u.reset();
-        }
+        self.forget_updates();
     }
 }

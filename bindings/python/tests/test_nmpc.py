@@ -59,6 +59,33 @@ def test_both_methods_for_quadratic_programs_agree(scheme):
         run("dense")
 
 
+def test_changes_at_run_time_and_what_a_plan_says():
+    with swb.Nmpc(problem(integrator())) as c:
+        with pytest.raises(swb.StateError, match="prepare"):
+            _ = c.gain
+        c.prepare()
+        np.testing.assert_allclose(c.gain, -gain(), atol=1e-12)
+        c.set_control_bounds([-0.3], [0.2])
+        u, _ = c.feedback([1.5, 0.0])
+        assert u[0] == -0.3
+        m = c.multipliers
+        assert m.dynamics.shape == (N + 1, 2) and m.controls.shape == (N, 1) and len(m.rows) == len(m.nodes)
+        assert m.controls[0, 0] < 0
+        before = c.objective
+        c.set_weights(0, [4.0, 1.0, 0.6])
+        c.reset()
+        c.prepare()
+        c.feedback([1.5, 0.0])
+        assert c.objective > 1.5 * before > 0
+        for call in (lambda: c.set_weights(0, [1.0, 2.0]), lambda: c.set_control_bounds([0, 0], [1, 1]), lambda: c.set_state_bounds([0], [1])):
+            with pytest.raises(swb.DimensionError):
+                call()
+        with pytest.raises(swb.RangeError, match="lower"):
+            c.set_control_bounds([1], [0])
+        with pytest.raises(swb.RangeError, match="has no bound"):
+            c.set_state_bounds([-1, -1], [1, 1])
+
+
 def test_a_controller_in_c_is_refused_with_what_to_do(tmp_path):
     with swb.Nmpc(problem(integrator()), qp_solver="condensing") as c:
         with pytest.raises(swb.StateError, match="stagewise"):

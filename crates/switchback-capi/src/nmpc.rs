@@ -645,6 +645,138 @@ pub unsafe extern "C" fn swb_nmpc_set_time(c: *mut swb_nmpc, t0: f64) -> swb_sta
     guard(|| unsafe { handle::with_mut(c, |c| c.run(|c| c.set_time(t0))) })
 }
 
+/// Set the weights of a least-squares term, in the order they were added to the problem: from the next preparation on.
+///
+/// @param[in] w [n_w] the diagonal, or the matrix row by row
+/// @return SWB_OK; SWB_ERR_RANGE for a term there is not, or a weight that is not finite; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_nmpc_set_weights(c: *mut swb_nmpc, term: i64, w: *const f64, n_w: i64) -> swb_status {
+    guard(|| unsafe {
+        let (w, term) = (raw::slice(w, n_w, "w")?, count("term", term)?);
+        handle::with_mut(c, |c| c.run(|c| c.set_weights(term, w)))
+    })
+}
+
+/// Set the bounds of the controls, infinite for none. Between a preparation and its feedback they count at once.
+///
+/// @param[in] lower [nu]
+/// @param[in] upper [nu]
+/// @return SWB_OK; SWB_ERR_RANGE if a lower bound is above the upper one or NaN; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_nmpc_set_control_bounds(
+    c: *mut swb_nmpc,
+    lower: *const f64,
+    upper: *const f64,
+    nu: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (lower, upper) = (raw::slice(lower, nu, "lower")?, raw::slice(upper, nu, "upper")?);
+        handle::with_mut(c, |c| c.run(|c| c.set_control_bounds(lower, upper)))
+    })
+}
+
+/// Set the bounds of the states that have a derivative, infinite for none. Between a preparation and its feedback they count at once.
+///
+/// @param[in] lower [nx]
+/// @param[in] upper [nx]
+/// @return SWB_OK; SWB_ERR_RANGE if a lower bound is above the upper one or NaN, or for a state that has no bound in the problem;
+///         SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_nmpc_set_state_bounds(
+    c: *mut swb_nmpc,
+    lower: *const f64,
+    upper: *const f64,
+    nx: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (lower, upper) = (raw::slice(lower, nx, "lower")?, raw::slice(upper, nx, "upper")?);
+        handle::with_mut(c, |c| c.run(|c| c.set_state_bounds(lower, upper)))
+    })
+}
+
+/// The cost of the plan with the prices of its violations, summed over the nodes as in (10.1).
+///
+/// @param[out] value
+/// @return SWB_OK; SWB_ERR_NUMERIC if functions have no value at the plan; SWB_ERR_STATE without values of the parameters; SWB_ERR_NULL
+#[no_mangle]
+pub unsafe extern "C" fn swb_nmpc_get_objective(c: *mut swb_nmpc, value: *mut f64) -> swb_status {
+    guard(|| unsafe {
+        raw::check(value, "value")?;
+        let v = handle::with_mut(c, |c| c.run(|c| c.objective()))?;
+        value.write(v);
+        Ok(())
+    })
+}
+
+/// The feedback gain of the first stage where no constraint is active: u = u_0 + K (x - x_0).
+///
+/// @param[out] k [nu nx] row by row
+/// @return SWB_OK; SWB_ERR_STATE if nothing is prepared; SWB_ERR_DIMENSION; SWB_ERR_NULL
+#[no_mangle]
+pub unsafe extern "C" fn swb_nmpc_get_gain(c: *mut swb_nmpc, k: *mut f64, n: i64) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(c, |c| {
+            let [_, nx, nu] = c.worker.sizes();
+            raw::check_slice(k, n, nu * nx, "k")?;
+            let mut gain = vec![0.0; nu * nx];
+            c.run(|c| c.gain(&mut gain))?;
+            raw::write_slice(k, n, &gain, "k")
+        })
+    })
+}
+
+/// Rows of constraints of the program: bounds of states and constraints, node by node.
+///
+/// @param[out] rows
+/// @return SWB_OK; SWB_ERR_NULL
+#[no_mangle]
+pub unsafe extern "C" fn swb_nmpc_count_rows(c: *mut swb_nmpc, rows: *mut i64) -> swb_status {
+    guard(|| unsafe {
+        raw::check(rows, "rows")?;
+        let n = handle::with_mut(c, |c| c.worker.with(|c| Ok(c.row_nodes().count())))?;
+        rows.write(n as i64);
+        Ok(())
+    })
+}
+
+/// Multipliers of the plan: positive at upper, negative at lower bounds.
+///
+/// @param[out] lambda [(n + 1) nx] of the dynamics, the first of the initial value
+/// @param[out] mu     [n nu] of the bounds of the controls
+/// @param[out] row_mu [rows] of the rows of constraints, see swb_nmpc_count_rows
+/// @param[out] nodes  [rows] the nodes of these
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
+#[no_mangle]
+pub unsafe extern "C" fn swb_nmpc_get_multipliers(
+    c: *mut swb_nmpc,
+    lambda: *mut f64,
+    n_lambda: i64,
+    mu: *mut f64,
+    n_mu: i64,
+    row_mu: *mut f64,
+    n_row_mu: i64,
+    nodes: *mut i64,
+    n_nodes: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(c, |c| {
+            let [n, nx, nu] = c.worker.sizes();
+            let rows = c.worker.with(|c| Ok(c.row_nodes().count()))?;
+            raw::check_slice(lambda, n_lambda, (n + 1) * nx, "lambda")?;
+            raw::check_slice(mu, n_mu, n * nu, "mu")?;
+            raw::check_slice(row_mu, n_row_mu, rows, "row_mu")?;
+            raw::check_slice(nodes, n_nodes, rows, "nodes")?;
+            c.run(|c| {
+                c.row_nodes().enumerate().for_each(|(i, k)| nodes.add(i).write(k as i64));
+                let plan = c.plan();
+                raw::write_slice(lambda, n_lambda, plan.lambda(), "lambda")?;
+                raw::write_slice(mu, n_mu, plan.u_mu(), "mu")?;
+                raw::write_slice(row_mu, n_row_mu, plan.row_mu(), "row_mu")
+            })
+        })
+    })
+}
+
 /// Set the seconds a feedback may take.
 ///
 /// @return SWB_OK; SWB_ERR_RANGE if they are not positive

@@ -23,7 +23,7 @@ from .ocp import Ocp
 from .recorded import Recorded, labels
 from .system import System
 
-__all__ = ["ClosedLoop", "Feedback", "Monitor", "Nmpc", "Plan", "Preparation", "closed_loop"]
+__all__ = ["ClosedLoop", "Feedback", "Monitor", "Nmpc", "Plan", "PlanMultipliers", "Preparation", "closed_loop"]
 
 _LEVELS = {"d": "d0"}
 
@@ -111,6 +111,22 @@ class Monitor:
     from_hold: int
     alternatives: int
     flips: int
+
+
+@dataclass(frozen=True)
+class PlanMultipliers:
+    """Multipliers of a plan: those of bounds and rows are positive at upper and negative at lower bounds.
+
+    dynamics  [n + 1, nx] the first of the initial value: the derivative of the cost by it
+    controls  [n, nu] of the bounds of the controls
+    rows      of the rows of constraints, node by node: bounds of states, then constraints
+    nodes     their nodes
+    """
+
+    dynamics: Array
+    controls: Array
+    rows: Array
+    nodes: Array
 
 
 class Nmpc(Handle):
@@ -245,6 +261,23 @@ class Nmpc(Handle):
         given = numpy.atleast_1d(real(y, "y"))
         self._do("set_references", index(term, "term"), address(given), given.size)
 
+    def set_weights(self, term: int, w: Any) -> None:
+        """Set the weights of a least-squares term, in the order they were added: the diagonal, or the matrix. They count from the next
+        preparation on."""
+        given = numpy.atleast_1d(real(w, "w"))
+        self._do("set_weights", index(term, "term"), address(given), given.size)
+
+    def set_control_bounds(self, lower: Any, upper: Any) -> None:
+        """Set the bounds [nu] of the controls, infinite for none. Between a preparation and its feedback they count at once."""
+        lower, upper = vector(lower, self.nu, "lower"), vector(upper, self.nu, "upper")
+        self._do("set_control_bounds", address(lower), address(upper), self.nu)
+
+    def set_state_bounds(self, lower: Any, upper: Any) -> None:
+        """Set the bounds [nx] of the measured states, infinite for none: of those that have a bound in the problem. Between a preparation
+        and its feedback they count at once."""
+        lower, upper = vector(lower, self.nx, "lower"), vector(upper, self.nx, "upper")
+        self._do("set_state_bounds", address(lower), address(upper), self.nx)
+
     def set_time(self, t0: float) -> None:
         """Set the time of the first node."""
         self._do("set_time", number(t0, "t0"))
@@ -285,6 +318,31 @@ class Nmpc(Handle):
         x, u = numpy.empty((self.n + 1, self.nx)), numpy.empty((self.n, self.nu))
         self._do("get_plan", address(x), x.size, address(u), u.size)
         return Plan(x, u)
+
+    @property
+    def objective(self) -> float:
+        """Cost of the plan with the prices of its violations, summed over the nodes. Costs and constraints are evaluated."""
+        value = ctypes.c_double()
+        self._do("get_objective", ctypes.byref(value))
+        return value.value
+
+    @property
+    def gain(self) -> Array:
+        """Feedback gain [nu, nx] of the first stage of the prepared program, where no constraint is active: `u = u0 + gain @ (x - x0)`."""
+        out = numpy.empty((self.nu, self.nx))
+        self._do("get_gain", address(out), out.size)
+        return out
+
+    @property
+    def multipliers(self) -> PlanMultipliers:
+        """Multipliers of the plan."""
+        rows = ctypes.c_int64()
+        self._do("count_rows", ctypes.byref(rows))
+        dynamics, controls = numpy.empty((self.n + 1, self.nx)), numpy.empty((self.n, self.nu))
+        of_rows, nodes = numpy.empty(rows.value), numpy.empty(rows.value, dtype=numpy.int64)
+        arrays = (dynamics, controls, of_rows, nodes)
+        self._do("get_multipliers", *(a for v in arrays for a in (address(v), v.size)))
+        return PlanMultipliers(*arrays)
 
     @property
     def monitor(self) -> Monitor:
