@@ -214,9 +214,9 @@ static void bad_input(void)
     CHECK_STATUS(SWB_ERR_RANGE, swb_nmpc_set_control_bounds(c, &nan1, &nan1, 1));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_nmpc_set_state_bounds(c, x, x, 1));
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_get_objective(c, NULL));
-    CHECK_STATUS(SWB_ERR_DIMENSION, swb_nmpc_get_gain(c, x, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_nmpc_get_gain(c, &u, 1));
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_count_rows(c, NULL));
-    CHECK_STATUS(SWB_ERR_DIMENSION, swb_nmpc_get_multipliers(c, x, 2, &u, 1, NULL, 0, NULL, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_nmpc_get_multipliers(c, &u, 1, &u, 1, NULL, 0, NULL, 0));
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_write_c(c, NULL, "c", SWB_C_REAL_DOUBLE));
     CHECK_STATUS(SWB_ERR_NULL, swb_nmpc_write_c(c, ".", NULL, SWB_C_REAL_DOUBLE));
     CHECK_STATUS(SWB_ERR_RANGE, swb_nmpc_write_c(c, ".", "c", 2));

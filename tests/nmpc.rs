@@ -496,10 +496,10 @@ fn multipliers_and_gains_are_derivatives() {
         let slope = (cost(&x, 0.5 + d).0 - cost(&x, 0.5 - d).0) / (2.0 * d);
         assert!(mu < -1e-3 && (slope - mu).abs() < 1e-5, "{qp:?}: {slope} {mu}");
         let (.., gain) = cost(&[0.01, 0.0], 0.5);
-        for i in 0..2 {
+        for (i, gain) in gain.iter().enumerate() {
             let mut at = |by: f64| cost(&[if i == 0 { by } else { 0.0 }, if i == 1 { by } else { 0.0 }], 0.5).3;
             let slope = (at(1e-3) - at(-1e-3)) / 2e-3;
-            assert!((slope - gain[i]).abs() < 1e-7 * (1.0 + slope.abs()), "{qp:?} {i}: {slope} {}", gain[i]);
+            assert!((slope - gain).abs() < 1e-7 * (1.0 + slope.abs()), "{qp:?} {i}: {slope} {gain}");
         }
         assert!(matches!(c.gain(&mut [0.0]), Err(Error::Dimension(_))));
         c.reset();

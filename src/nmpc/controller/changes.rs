@@ -48,7 +48,8 @@ impl Nmpc {
 
     /// Takes over weights that were set.
     pub(super) fn take_weights(&mut self) {
-        if !self.model.costs.squares.iter_mut().fold(false, |any, s| s.take_weights() || any) {
+        // all of them, not the first alone
+        if self.model.costs.squares.iter_mut().filter_map(|s| s.take_weights().then_some(())).count() == 0 {
             return;
         }
         self.model.revision += 1;
