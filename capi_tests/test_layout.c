@@ -105,7 +105,8 @@ int main(void)
     AT(swb_certificate, 10, nodes);
     AT(swb_certificate, 11, second_order);
     AT(swb_certificate, 12, dependent);
-    CHECK(sizeof(swb_certificate) == (size_t)8 * 13);
+    AT(swb_certificate, 13, bound);
+    CHECK(sizeof(swb_certificate) == (size_t)8 * 14);
     AT(swb_iteration_info, 0, struct_size);
     AT(swb_iteration_info, 1, iter);
     AT(swb_iteration_info, 2, objective);

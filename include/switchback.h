@@ -2557,6 +2557,10 @@ typedef struct swb_settings {
      * Dense output keeps at least so many of the last steps, and at most a quarter more: older ones are dropped; 0: all.
      */
     int64_t dense_steps;
+    /**
+     * Work of a branch and bound over the branches of a program with linear rows and a convex quadratic objective at most, in entries of tableaus; 0: none. Where it is enough the solution is global, with proof, or the program is shown to be infeasible.
+     */
+    double branch_work;
 } swb_settings;
 
 /**
@@ -3902,6 +3906,11 @@ typedef struct swb_certificate {
      * looked at.
      */
     int64_t dependent;
+    /**
+     * No point of the program has a lower objective than this, as branch and bound has shown (option branch_work); at the solution,
+     * up to rounding, where that is global. Minus infinity where nothing is shown.
+     */
+    double bound;
 } swb_certificate;
 
 /**

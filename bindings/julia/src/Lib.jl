@@ -1147,6 +1147,7 @@ table (`swb_option_range`).
 - `search_seed`: Seed of the random controls of a search.
 - `search_exact`: Work of an exact search over choices at most, in variables of a program times iterations, or states times steps of simulations; 0: none.
 - `dense_steps`: Dense output keeps at least so many of the last steps, and at most a quarter more: older ones are dropped; 0: all.
+- `branch_work`: Work of a branch and bound over the branches of a program with linear rows and a convex quadratic objective at most, in entries of tableaus; 0: none. Where it is enough the solution is global, with proof, or the program is shown to be infeasible.
 """
 struct swb_settings
     struct_size::UInt64
@@ -1219,8 +1220,9 @@ struct swb_settings
     search_seed::Int64
     search_exact::Cdouble
     dense_steps::Int64
+    branch_work::Cdouble
 end
-sizeof(swb_settings) == 560 || error("swb_settings has another size than in C")
+sizeof(swb_settings) == 568 || error("swb_settings has another size than in C")
 
 """
 Residuals of the optimality conditions, unscaled, maximum norm.
@@ -2089,6 +2091,7 @@ Knowledge of the point of a program. Without pairs type S says that it satisfies
 - `nodes`: Nodes of the searches.
 - `second_order`: Verdict of the conditions of second order (enum swb_second_order). Discretised problems with modes are not asked.
 - `dependent`: Active constraints and bounds whose gradients depend on those of others; 0 where the conditions of second order were not looked at.
+- `bound`: No point of the program has a lower objective than this, as branch and bound has shown (option branch_work); at the solution, up to rounding, where that is global. Minus infinity where nothing is shown.
 """
 struct swb_certificate
     struct_size::UInt64
@@ -2104,8 +2107,9 @@ struct swb_certificate
     nodes::Int64
     second_order::Int64
     dependent::Int64
+    bound::Cdouble
 end
-sizeof(swb_certificate) == 104 || error("swb_certificate has another size than in C")
+sizeof(swb_certificate) == 112 || error("swb_certificate has another size than in C")
 
 # --- functions ---
 

@@ -501,7 +501,8 @@ function certificate_of(c)
     return (stationarity = word(Lib.swb_stationarity_name(c.stationarity)), sharp = c.sharp != 0, b_stationary = answer,
             doubt = word(Lib.swb_doubt_name(c.doubt)), biactive = Int(c.biactive), min_multiplier = c.min_multiplier,
             strict = c.strict != 0, lps = Int(c.lps), lp_iterations = Int(c.lp_iterations), nodes = Int(c.nodes),
-            second_order = word(Lib.swb_second_order_name(c.second_order)), dependent = Int(c.dependent))
+            second_order = word(Lib.swb_second_order_name(c.second_order)), dependent = Int(c.dependent),
+            bound = c.bound)
 end
 
 """

@@ -191,6 +191,9 @@ pub struct swb_certificate {
     /// Active constraints and bounds whose gradients depend on those of others; 0 where the conditions of second order were not
     /// looked at.
     pub dependent: i64,
+    /// No point of the program has a lower objective than this, as branch and bound has shown (option branch_work); at the solution,
+    /// up to rounding, where that is global. Minus infinity where nothing is shown.
+    pub bound: f64,
 }
 
 impl swb_certificate {
@@ -210,6 +213,7 @@ impl swb_certificate {
             nodes: c.nodes as i64,
             second_order: number(SECOND_ORDERS.iter().find(|r| r.0 == c.second).map(|r| r.1 as i32)),
             dependent: c.dependent as i64,
+            bound: c.bound.unwrap_or(f64::NEG_INFINITY),
         }
     }
 }

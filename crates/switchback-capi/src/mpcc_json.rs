@@ -77,6 +77,7 @@ struct Certificate {
     nodes: usize,
     second_order: &'static str,
     dependent: usize,
+    bound: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -187,6 +188,7 @@ impl Program {
                 nodes: c.nodes,
                 second_order: c.second.name(),
                 dependent: c.dependent,
+                bound: c.bound,
             },
             conflict,
             stats: Stats {

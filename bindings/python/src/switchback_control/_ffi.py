@@ -668,6 +668,7 @@ class swb_settings(Structure):
         ("search_seed", c_int64),
         ("search_exact", c_double),
         ("dense_steps", c_int64),
+        ("branch_work", c_double),
     ]
 
 
@@ -1141,6 +1142,7 @@ class swb_certificate(Structure):
         ("nodes", c_int64),
         ("second_order", c_int64),
         ("dependent", c_int64),
+        ("bound", c_double),
     ]
 
 

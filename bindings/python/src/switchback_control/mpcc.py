@@ -93,6 +93,9 @@ class Certificate:
     second_order: str
     #: Active constraints and bounds whose gradients depend on those of others.
     dependent: int
+    #: No point of the program has a lower objective than this, as branch and bound has shown (option `branch_work`); -inf where
+    #: nothing is shown.
+    bound: float
 
     @classmethod
     def _of(cls, c: Any) -> Certificate:
@@ -109,6 +112,7 @@ class Certificate:
             c.nodes,
             (lib.swb_second_order_name(c.second_order) or b"unknown").decode(),
             c.dependent,
+            c.bound,
         )
 
 

@@ -140,8 +140,9 @@ fn bilevel(d: &mut Draw, k: usize) -> Program {
     let mut q = d.monotone(ny, ny, 0.0);
     (0..ny).for_each(|i| q[i][i] += 0.5);
     let (c, a, r) = (d.matrix(ny, nx), d.matrix(k, ny), d.matrix(k, nx));
-    let bounds: Vec<(f64, f64)> =
-        (0..nx + ny + k).map(|j| if j < nx { (-5.0, 5.0) } else { (if j < nx + ny { -INF } else { 0.0 }, INF) }).collect();
+    let bounds: Vec<(f64, f64)> = (0..nx + ny + k)
+        .map(|j| if j < nx { (-5.0, 5.0) } else { (if j < nx + ny { -INF } else { 0.0 }, INF) })
+        .collect();
     let mut f = Expr::of(0.0);
     for j in 0..nx + ny {
         f = f.square(if j < nx { d.within(0.02, 0.5) } else { 1.0 }, &[(j, 1.0)], 4.0 * d.sign());
@@ -181,7 +182,10 @@ fn market(d: &mut Draw, firms: usize) -> Program {
     let mut p = Program::new(&bounds, f, false);
     for i in 0..firms {
         let s = home(i);
-        let mut e = Expr::of(d.within(1.0, 20.0) - a[s]).plus(d.within(0.1, 1.0) + b[s], 2 + i).plus(b[s], s).plus(1.0, 2 + firms + i);
+        let mut e = Expr::of(d.within(1.0, 20.0) - a[s])
+            .plus(d.within(0.1, 1.0) + b[s], 2 + i)
+            .plus(b[s], s)
+            .plus(1.0, 2 + firms + i);
         for j in (0..firms).filter(|j| home(*j) == s) {
             e = e.plus(b[s], 2 + j);
         }
@@ -296,7 +300,11 @@ fn obstacle(d: &mut Draw, k: usize) -> Program {
         f = f.square(d.within(0.01, 0.2), &[(j, 1.0)], 0.0);
     }
     for i in 0..k {
-        f = f.square(0.5, &[(nu + i, 1.0)], -d.within(-0.5, 1.5)).square(0.05, &[(nu + k + i, 1.0)], -d.within(0.0, 3.0));
+        f = f.square(0.5, &[(nu + i, 1.0)], -d.within(-0.5, 1.5)).square(
+            0.05,
+            &[(nu + k + i, 1.0)],
+            -d.within(0.0, 3.0),
+        );
     }
     let mut p = Program::new(&bounds, f, true);
     for i in 0..k {
@@ -321,7 +329,8 @@ fn design(d: &mut Draw, k: usize) -> Program {
     bounds.extend([(-10.0, 10.0); 2]);
     let load = d.within(1.0, 5.0);
     let load = [load, 0.25 * load * d.sign()];
-    let mut f = Expr::of(0.0).square(0.5, &[(2 * k, 1.0)], -d.within(0.0, 2.0)).square(1.0, &[(2 * k + 1, 1.0)], d.sign());
+    let mut f =
+        Expr::of(0.0).square(0.5, &[(2 * k, 1.0)], -d.within(0.0, 2.0)).square(1.0, &[(2 * k + 1, 1.0)], d.sign());
     for j in 0..k {
         f = f.plus(d.within(0.02, 0.3), j);
     }

@@ -14,21 +14,23 @@
 //! Every word is judged: rows and pairs evaluated anew, B-stationarity by linear programs over all branches at the point,
 //! infeasibility by the enumeration.
 
+#![allow(clippy::needless_range_loop)]
+
 mod draw;
+mod enumerate;
 mod program;
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
 
-use switchback_mpcc::mpcc::simplex::{Found, Simplex};
-use switchback_mpcc::mpcc::{BStationarity, Lifted, Mpcc, MpccSettings, MpccSolver, Side, Solution};
-use switchback_mpcc::nlp::{within, Bounds, Control, Ipm, IpmSettings, Monotone, Nlp, Outcome, Start, INFINITE};
-use switchback_mpcc::random::SplitMix64;
+use switchback_mpcc::mpcc::simplex::Found;
+use switchback_mpcc::mpcc::{BStationarity, Lifted, Mpcc, MpccSettings, MpccSolver, Solution};
+use switchback_mpcc::nlp::{Bounds, Control, Nlp, Outcome, INFINITE};
 use switchback_mpcc::settings::Portfolio;
 
 use draw::{draw, KINDS};
-use program::Program;
+use enumerate::{enumerate, holds, linear_rows, Lift};
 
 /// Violation of rows, bounds and pairs of a point that is one, relative to bounds above one.
 const MET: f64 = 1e-6;
@@ -37,8 +39,6 @@ const SAME: f64 = 1e-3;
 /// Radius of the linearised problem, and the share of its steepest descent that refutes B-stationarity.
 const RADIUS: f64 = 1e-3;
 const DESCENT: f64 = 1e-4;
-
-type Lift = Lifted<Program>;
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
@@ -66,6 +66,7 @@ fn settings(args: &[String]) -> MpccSettings {
             }
             "certify" => s.certify = value == "on",
             "early_polish" => s.early_polish = value == "on",
+            "branch_work" => s.branch_work = value.parse().expect("a number"),
             "sigma_factor" => s.sigma_factor = value.parse().expect("a number"),
             _ => panic!("{key} is no option of this benchmark"),
         }
@@ -137,68 +138,6 @@ fn processor_time() -> f64 {
     }
 }
 
-/// The least objective of all branches; infinite where none has a point.
-fn enumerate(program: &Program, p: &mut Lift, b: &Bounds) -> f64 {
-    let k = p.pairs().len();
-    let (n, m) = (p.n(), p.m());
-    let convex = program.has_linear_rows() && program.convex;
-    let mut draw = SplitMix64::new(k as u64);
-    let mut starts = vec![p.start(&program.x0)];
-    if !convex {
-        starts.extend((0..2).map(|_| {
-            (0..n).map(|j| within(4.0 * draw.share() - 1.0, b.xl[j], b.xu[j].min(b.xl[j].max(-5.0) + 8.0))).collect()
-        }));
-    }
-    let mut lp = program.has_linear_rows().then(|| linear_rows(p, &vec![0.0; n]));
-    let mut ipm = Ipm::new(p, IpmSettings { max_iter: 200, ..IpmSettings::default() }).expect("a solver");
-    let (mut best, mut branch, mut c) = (f64::INFINITY, b.clone(), vec![0.0; m]);
-    for number in 0..1usize << k {
-        let side = |i: usize| if number >> i & 1 == 0 { Side::First } else { Side::Second };
-        let sides: Vec<Side> = (0..k).map(side).collect();
-        branch.copy_from(b);
-        p.branch(&sides, &mut branch);
-        if let Some((lp, constants)) = &mut lp {
-            (0..n).for_each(|j| lp.bound(j, branch.xl[j], branch.xu[j]));
-            (0..m).for_each(|i| lp.bound(n + i, branch.cl[i] - constants[i], branch.cu[i] - constants[i]));
-            if lp.feasible(&|| true) == Found::Infeasible {
-                continue;
-            }
-        }
-        for start in &starts {
-            let mut rule = Monotone { mu_init: 0.1, tol: 1e-8, primal_tol: 1e-9 };
-            ipm.solve(p, &branch, Start::Cold(start), &mut rule, &mut Control::default());
-            let x = &ipm.iterate().x;
-            let f = p.eval(x, &mut c).unwrap_or(f64::INFINITY);
-            if f < best && holds(x, &c, &branch, 1e-7) {
-                best = f;
-            }
-        }
-    }
-    best
-}
-
-/// Rows of the Jacobian at `x` as those of a linear program, and what they are at zero.
-fn linear_rows(p: &mut Lift, x: &[f64]) -> (Simplex, Vec<f64>) {
-    let (n, m) = (p.n(), p.m());
-    let (mut c, mut grad, mut jac) = (vec![0.0; m], vec![0.0; n], vec![0.0; p.jac_pattern().nnz()]);
-    p.eval(x, &mut c).expect("values");
-    p.derivatives(x, &mut grad, &mut jac).expect("derivatives");
-    let mut rows = vec![0.0; m * n];
-    for j in 0..n {
-        for k in p.jac_pattern().range(j) {
-            let i = p.jac_pattern().row_idx()[k];
-            rows[i * n + j] += jac[k];
-            c[i] -= jac[k] * x[j];
-        }
-    }
-    (Simplex::new(n, m, rows), c)
-}
-
-fn holds(x: &[f64], c: &[f64], b: &Bounds, tol: f64) -> bool {
-    let within = |v: f64, lo: f64, hi: f64| v >= lo - tol * lo.abs().max(1.0) && v <= hi + tol * hi.abs().max(1.0);
-    (0..x.len()).all(|j| within(x[j], b.xl[j], b.xu[j])) && (0..c.len()).all(|i| within(c[i], b.cl[i], b.cu[i]))
-}
-
 /// What was claimed, and which of it is false: `s` solved, `b` B-stationary, `i` infeasible, `l` locally infeasible, which is
 /// false of no program that has a point elsewhere and is only listed.
 fn judge(p: &mut Lift, b: &Bounds, s: &Solution, best: f64) -> (String, String) {
@@ -236,7 +175,7 @@ fn descends(p: &mut Lift, b: &Bounds, x: &[f64]) -> bool {
     p.eval(x, &mut c).expect("values");
     p.derivatives(x, &mut grad, &mut jac).expect("derivatives");
     for j in 0..n {
-        lp.bound(j, (b.xl[j] - x[j]).min(0.0).max(-RADIUS), (b.xu[j] - x[j]).max(0.0).min(RADIUS));
+        lp.bound(j, (b.xl[j] - x[j]).clamp(-RADIUS, 0.0), (b.xu[j] - x[j]).clamp(0.0, RADIUS));
     }
     for i in 0..m {
         lp.bound(n + i, (b.cl[i] - c[i]).min(0.0), (b.cu[i] - c[i]).max(0.0));

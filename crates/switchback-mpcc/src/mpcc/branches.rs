@@ -15,7 +15,7 @@ use crate::stop;
 
 /// Distances of the points at which rows are compared with their linearisation, relative to sizes of variables above one, and how
 /// many points at each.
-const DISTANCES: [f64; 4] = [1e-3, 1.0, 1e3, 1e6];
+pub(super) const DISTANCES: [f64; 4] = [1e-3, 1.0, 1e3, 1e6];
 const DRAWS: usize = 3;
 /// What a linear row may differ from it by, relative to its terms: rounding.
 const LINEAR: f64 = 1e-12;
@@ -55,28 +55,53 @@ pub(super) enum Said {
 pub(super) struct Branches<'a> {
     pairs: &'a [(usize, usize)],
     groups: Vec<usize>,
-    n_groups: usize,
-    n: usize,
-    bounds: Bounds,
+    pub(super) n_groups: usize,
+    pub(super) n: usize,
+    pub(super) bounds: Bounds,
     /// Linear rows `[k · n]` by rows, with bounds without the constants.
-    rows: Vec<f64>,
+    pub(super) rows: Vec<f64>,
     sides: Vec<(f64, f64)>,
     /// Are all rows linear?
     pub complete: bool,
 }
 
-fn goes_on() -> bool {
+pub(super) fn goes_on() -> bool {
     stop::requested().is_none()
 }
 
 impl Branches<'_> {
     /// The linear part of a program near the point `x`; nothing where it is too large, or where functions have no value.
     pub fn new<'a>(p: &mut dyn Mpcc, pairs: &'a [(usize, usize)], bounds: &Bounds, x: &[f64]) -> Option<Branches<'a>> {
+        Branches::part(p, pairs, bounds, x, false)
+    }
+
+    /// The same of a program all of whose rows are linear; nothing for others, nor where to see that takes more than so much work.
+    pub fn linear<'a>(
+        p: &mut dyn Mpcc,
+        pairs: &'a [(usize, usize)],
+        bounds: &Bounds,
+        x: &[f64],
+        work: f64,
+    ) -> Option<Branches<'a>> {
+        let entries = (2 * DRAWS * DISTANCES.len() * p.n()) as f64 * (p.m() + p.n()) as f64;
+        if entries > work {
+            return None;
+        }
+        Branches::part(p, pairs, bounds, x, true)
+    }
+
+    fn part<'a>(
+        p: &mut dyn Mpcc,
+        pairs: &'a [(usize, usize)],
+        bounds: &Bounds,
+        x: &[f64],
+        all: bool,
+    ) -> Option<Branches<'a>> {
         let (n, m) = (p.n(), p.m());
         if (n as f64) * (m + n) as f64 > ENTRIES {
             return None;
         }
-        let base: Vec<f64> = x.iter().enumerate().map(|(j, x)| within(*x, bounds.xl[j], bounds.xu[j])).collect();
+        let base = inside(bounds, x);
         let (mut c, mut grad, mut jac) = (vec![0.0; m], vec![0.0; n], vec![0.0; p.jac_pattern().nnz()]);
         p.eval(&base, &mut c).ok()?;
         p.derivatives(&base, &mut grad, &mut jac).ok()?;
@@ -107,6 +132,9 @@ impl Branches<'_> {
                 let size = terms + constants[i].abs() + along(i, &base).1;
                 linear[i] &= (c[i] - constants[i] - value).abs() <= LINEAR * size;
             }
+            if all && linear.contains(&false) {
+                return None;
+            }
         }
         let mut part = Branches {
             pairs,
@@ -125,12 +153,17 @@ impl Branches<'_> {
         Some(part)
     }
 
-    fn m(&self) -> usize {
+    /// The point within the bounds next to `x`.
+    pub fn inside(&self, x: &[f64]) -> Vec<f64> {
+        inside(&self.bounds, x)
+    }
+
+    pub(super) fn m(&self) -> usize {
         self.sides.len()
     }
 
     /// Bounds with the chosen sides; `ends`: what ends where, for points, or nothing but the directions that no bound ends.
-    fn set(&self, lp: &mut Simplex, chosen: &[Option<Side>], directions: bool) {
+    pub(super) fn set(&self, lp: &mut Simplex, chosen: &[Option<Side>], directions: bool) {
         let of = |lo: f64, hi: f64| -> (f64, f64) {
             let (below, above) = (lo > -INFINITE, hi < INFINITE);
             match directions {
@@ -155,7 +188,7 @@ impl Branches<'_> {
 
     /// Sides of all groups at the point of `lp`, those that are chosen as they are; the open group whose smaller members are
     /// largest, where they are not zero.
-    fn read(&self, lp: &Simplex, chosen: &[Option<Side>]) -> (Vec<Option<Side>>, Option<usize>) {
+    pub(super) fn read(&self, lp: &Simplex, chosen: &[Option<Side>]) -> (Vec<Option<Side>>, Option<usize>) {
         let mut votes = vec![(0f64, 0f64); self.n_groups];
         for (k, &(a, b)) in self.pairs.iter().enumerate() {
             let v = &mut votes[self.groups[k]];
@@ -287,8 +320,12 @@ impl Branches<'_> {
     }
 }
 
+fn inside(bounds: &Bounds, x: &[f64]) -> Vec<f64> {
+    x.iter().enumerate().map(|(j, x)| within(*x, bounds.xl[j], bounds.xu[j])).collect()
+}
+
 /// The two choices for a group, the one to look at first last.
-fn both(chosen: &[Option<Side>], group: usize, first: Side) -> [Vec<Option<Side>>; 2] {
+pub(super) fn both(chosen: &[Option<Side>], group: usize, first: Side) -> [Vec<Option<Side>>; 2] {
     [first.other(), first].map(|side| {
         let mut next = chosen.to_vec();
         next[group] = Some(side);

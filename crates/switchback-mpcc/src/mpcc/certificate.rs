@@ -160,6 +160,9 @@ pub struct Certificate {
     pub second: SecondOrder,
     /// Active constraints whose gradients depend on those of others; 0 where the conditions of second order were not looked at.
     pub dependent: usize,
+    /// No point of the program has a lower objective than this: where branch and bound has shown it. At a global optimum it is the
+    /// objective of the point.
+    pub bound: Option<f64>,
 }
 
 /// Tolerances and limits.

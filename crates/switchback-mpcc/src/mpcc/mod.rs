@@ -10,6 +10,7 @@
 //! to the last digits, and the multipliers of the pairs come out of it.
 
 mod branches;
+mod by_branches;
 mod certificate;
 #[cfg(test)]
 mod certificate_tests;
@@ -18,6 +19,7 @@ mod conflict;
 mod curvature;
 pub mod diagnostics;
 mod endgame;
+mod exact;
 mod homotopy;
 mod infeasible;
 mod judge;
@@ -28,6 +30,7 @@ mod penalties;
 mod portfolio;
 mod problem;
 mod proposer;
+pub mod quadratic;
 pub mod relaxation;
 mod relaxed;
 mod scaling;

@@ -50,6 +50,8 @@ pub enum FoundBy {
     Neighbours = 8,
     /// The path with factors of one instead of those by gradients, or the other way round.
     OtherScaling = 9,
+    /// By branch and bound.
+    Branches = 10,
 }
 
 impl FoundBy {
@@ -66,6 +68,7 @@ impl FoundBy {
             FoundBy::Middle => "middle",
             FoundBy::Neighbours => "neighbours",
             FoundBy::OtherScaling => "other_scaling",
+            FoundBy::Branches => "branches",
         }
     }
 }
@@ -204,7 +207,7 @@ impl MpccSolver {
                 FoundBy::Elastic => self.settings.relaxation == Relaxation::LinfPenalty,
                 FoundBy::Heavy => !self.settings.scaling,
                 FoundBy::OtherScaling => false,
-                FoundBy::Path | FoundBy::Feasible | FoundBy::Middle | FoundBy::Neighbours => true,
+                FoundBy::Path | FoundBy::Feasible | FoundBy::Middle | FoundBy::Neighbours | FoundBy::Branches => true,
             };
             if useless {
                 continue;
@@ -365,7 +368,7 @@ impl MpccSolver {
     }
 
     /// Keeps the present solution, or the one of before where that says more.
-    fn keep(&mut self, before: Solution, strategy: FoundBy) {
+    pub(super) fn keep(&mut self, before: Solution, strategy: FoundBy) {
         let rank = |s: &Solution| match s.outcome {
             Outcome::Solved => 0,
             Outcome::MaxTime | Outcome::Stopped => 1,
@@ -616,7 +619,7 @@ impl MpccSolver {
     }
 
     /// Solves the branch `sides` from its feasible point `x[n]`, and follows descents from there.
-    fn enter_feasible(
+    pub(super) fn enter_feasible(
         &mut self,
         p: &mut dyn Mpcc,
         bounds: &Bounds,

@@ -60,6 +60,8 @@ pub struct MpccSettings {
     pub penalty_init: f64,
     /// Strategies for a program with complementarity constraints within its iterations.
     pub portfolio: Portfolio,
+    /// Work of a branch and bound over the branches of a program with linear rows and a convex quadratic objective at most, in entries of tableaus; 0: none. Where it is enough the solution is global, with proof, or the program is shown to be infeasible.
+    pub branch_work: f64,
 }
 
 impl Default for MpccSettings {
@@ -99,6 +101,7 @@ impl From<&Settings> for MpccSettings {
             homotopy: s.homotopy().unwrap_or(Homotopy::Coupled),
             penalty_init: s.penalty_init,
             portfolio: s.portfolio().unwrap_or(Portfolio::Rescue),
+            branch_work: s.branch_work,
         }
     }
 }

@@ -8,18 +8,20 @@
 //! that there is no point, a point, or a ray along which the objective falls. Where rounding leaves neither, nothing is said.
 //! The programs are small; a tableau keeps its basis while bounds change, so that branches next to one another take few pivots.
 
+use crate::nlp::within;
+
 /// Largest entry of a scaled row that counts as none in a choice of pivots.
-const PIVOT: f64 = 1e-9;
+pub(super) const PIVOT: f64 = 1e-9;
 /// Violation of a bound that counts as none, relative to the sizes of the terms of its row or, of a variable, to its size.
-const MET: f64 = 1e-9;
+pub(super) const MET: f64 = 1e-9;
 /// Share of the largest value that rounding of pivots leaves of one that vanishes.
 const NOISE: f64 = 1e-13;
 /// Share of the terms of a sum that rounding may leave of one that vanishes.
-const ROUNDING: f64 = 1e-12;
+pub(super) const ROUNDING: f64 = 1e-12;
 /// Pivots after which the first possible one is taken (R. G. Bland, *New finite pivoting rules for the simplex method*, 1977), and after which a
 /// program is left, both as multiples of its rows and variables.
-const PATIENCE: usize = 5;
-const MOST: usize = 50;
+pub(super) const PATIENCE: usize = 5;
+pub(super) const MOST: usize = 50;
 
 /// Knowledge of a program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,23 +39,25 @@ pub enum Found {
 /// A program, its basis and the point or ray found last. Variables are numbered through: those of the program, then the rows.
 #[derive(Debug, Clone)]
 pub struct Simplex {
-    n: usize,
-    m: usize,
+    pub(super) n: usize,
+    pub(super) m: usize,
     /// Rows as they were given, scaled, `[m · n]` by rows.
-    rows: Vec<f64>,
+    pub(super) rows: Vec<f64>,
     /// Basic variables by nonbasic ones, `[m · n]` by rows.
-    tableau: Vec<f64>,
-    basic: Vec<usize>,
-    nonbasic: Vec<usize>,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
-    value: Vec<f64>,
+    pub(super) tableau: Vec<f64>,
+    pub(super) basic: Vec<usize>,
+    pub(super) nonbasic: Vec<usize>,
+    pub(super) lower: Vec<f64>,
+    pub(super) upper: Vec<f64>,
+    pub(super) value: Vec<f64>,
     /// Unit of every variable, and factor of every row: powers of two.
-    unit: Vec<f64>,
+    pub(super) unit: Vec<f64>,
     /// Largest value.
     largest: f64,
-    direction: Vec<f64>,
+    pub(super) direction: Vec<f64>,
     rate: Vec<f64>,
+    /// Exchanges since the tableau was made from the rows.
+    exchanges: usize,
     /// Entries of tableaus that pivots have gone over so far.
     pub work: f64,
     /// Entries that they may go over.
@@ -85,6 +89,7 @@ impl Simplex {
             largest: 0.0,
             direction: vec![0.0; n + m],
             rate: vec![0.0; n],
+            exchanges: 0,
             unit,
             work: 0.0,
             allowed: f64::INFINITY,
@@ -114,13 +119,27 @@ impl Simplex {
         self.value[v]
     }
 
-    /// Looks for a point; `goes_on` is asked at every pivot.
+    /// Looks for a point; `goes_on` is asked at every pivot. What rounding of a tableau that has served long hides is looked for once more, with one made
+    /// from the rows.
     pub fn feasible(&mut self, goes_on: &dyn Fn() -> bool) -> Found {
+        match self.look(goes_on) {
+            Found::Nothing if self.exchanges > 0 && self.work <= self.allowed => {
+                self.renew();
+                self.look(goes_on)
+            }
+            found => found,
+        }
+    }
+
+    fn look(&mut self, goes_on: &dyn Fn() -> bool) -> Found {
         let crossed = (0..self.n + self.m).any(|v| self.lower[v] > self.upper[v]);
         if crossed {
             return Found::Infeasible;
         }
-        self.settle_at_bounds();
+        for k in 0..self.n {
+            let v = self.nonbasic[k];
+            self.value[v] = within(self.value[v], self.lower[v], self.upper[v]);
+        }
         for pivots in 0.. {
             self.update_values();
             let mut violated = false;
@@ -189,19 +208,19 @@ impl Simplex {
     }
 
     /// Variables outside of the basis are at a bound where they have one.
-    fn settle_at_bounds(&mut self) {
+    pub(super) fn settle_at_bounds(&mut self) {
         for k in 0..self.n {
             let v = self.nonbasic[k];
             self.value[v] = nearest(self.value[v], self.lower[v], self.upper[v]);
         }
     }
 
-    fn is_over(&self, pivots: usize, goes_on: &dyn Fn() -> bool) -> bool {
+    pub(super) fn is_over(&self, pivots: usize, goes_on: &dyn Fn() -> bool) -> bool {
         self.work > self.allowed || pivots > MOST * (self.n + self.m) || !goes_on()
     }
 
     /// Values of the basic variables, from those of the others.
-    fn update_values(&mut self) {
+    pub(super) fn update_values(&mut self) {
         self.work += (self.n * self.m) as f64;
         for i in 0..self.m {
             let row = &self.tableau[i * self.n..][..self.n];
@@ -250,7 +269,8 @@ impl Simplex {
     fn step(&self, column: usize, sense: f64, pivots: usize) -> Option<Step> {
         let own = self.nonbasic[column];
         let first = pivots > PATIENCE * (self.n + self.m);
-        let mut found = Step { column, sense, length: self.upper[own] - self.lower[own], leaving: None };
+        let room = if sense > 0.0 { self.upper[own] - self.value[own] } else { self.value[own] - self.lower[own] };
+        let mut found = Step { column, sense, length: room, leaving: None };
         let mut pivot = 0.0;
         for i in 0..self.m {
             let t = sense * self.tableau[i * self.n + column];
@@ -298,9 +318,36 @@ impl Simplex {
             return;
         };
         self.value[entering] += step.sense * step.length;
-        let leaving = self.basic[row];
-        self.value[leaving] = bound;
-        let (n, column) = (self.n, step.column);
+        self.value[self.basic[row]] = bound;
+        self.exchange(row, step.column);
+    }
+
+    /// Makes the tableau of the present basis from the rows; of variables that depend on others some leave the basis.
+    fn renew(&mut self) {
+        let (n, m) = (self.n, self.m);
+        let mut wanted = vec![false; n + m];
+        self.basic.iter().for_each(|v| wanted[*v] = true);
+        self.tableau.copy_from_slice(&self.rows);
+        self.basic.iter_mut().enumerate().for_each(|(i, v)| *v = n + i);
+        self.nonbasic.iter_mut().enumerate().for_each(|(j, v)| *v = j);
+        for column in 0..n {
+            let v = self.nonbasic[column];
+            if !wanted[v] {
+                continue;
+            }
+            let size = |i: usize| self.tableau[i * n + column].abs();
+            let free = (0..m).filter(|&i| !wanted[self.basic[i]]);
+            if let Some(row) = free.max_by(|&a, &b| size(a).total_cmp(&size(b))).filter(|&i| size(i) > PIVOT) {
+                self.exchange(row, column);
+            }
+        }
+        self.exchanges = 0;
+    }
+
+    /// The basic variable of a row leaves the basis, the nonbasic one of a column takes its place.
+    pub(super) fn exchange(&mut self, row: usize, column: usize) {
+        let n = self.n;
+        self.exchanges += 1;
         self.work += (n * self.m) as f64;
         // x_l = Σ t_k x_k solved for the variable of the column
         let mut own = self.tableau[row * n..][..n].to_vec();
@@ -315,16 +362,22 @@ impl Simplex {
             }
         }
         self.tableau[row * n..][..n].copy_from_slice(&own);
-        (self.basic[row], self.nonbasic[column]) = (entering, leaving);
+        std::mem::swap(&mut self.basic[row], &mut self.nonbasic[column]);
     }
 
     /// Is the point within all bounds, by the rows as they were given?
-    fn is_feasible(&mut self) -> bool {
+    pub(super) fn is_feasible(&mut self) -> bool {
+        let kept = self.value.clone();
         self.write_rows(|s| &mut s.value);
-        (0..self.n + self.m).all(|v| {
+        let holds = (0..self.n + self.m).all(|v| {
             let (x, room) = (self.value[v], MET * self.size(v) + NOISE * self.largest);
             x >= self.lower[v] - room && x <= self.upper[v] + room
-        })
+        });
+        // those outside of the basis are what they were: off its bound by rounding, one would seem to have room towards it
+        for v in self.nonbasic.iter().filter(|v| **v >= self.n) {
+            self.value[*v] = kept[*v];
+        }
+        holds
     }
 
     /// The rows of a vector, by the rows as they were given.
@@ -348,7 +401,7 @@ impl Simplex {
     }
 
     /// Does the direction stay within all bounds for ever? By the rows as they were given, which it makes its own.
-    fn is_ray(&mut self) -> bool {
+    pub(super) fn is_ray(&mut self) -> bool {
         self.write_rows(|s| &mut s.direction);
         (0..self.n + self.m).all(|v| {
             let d = self.direction[v];
@@ -401,7 +454,7 @@ impl Simplex {
 }
 
 /// A sum, and the sum of the sizes of its terms.
-fn sum(terms: impl Iterator<Item = f64>) -> (f64, f64) {
+pub(super) fn sum(terms: impl Iterator<Item = f64>) -> (f64, f64) {
     terms.fold((0.0, 0.0), |(s, t), v| (s + v, t + v.abs()))
 }
 

@@ -269,38 +269,62 @@ impl MpccSolver {
             // relaxations that cut the corner have a saddle on the diagonal
             let interior = matches!(s.relaxation, Relaxation::Scholtes | Relaxation::RaghunathanBiegler);
             let centre = s.centre_pairs && interior && !p.is_discretised();
-            let allowed = self.settings.max_iter;
-            if !p.is_discretised() {
-                self.settings.max_iter = self.path_iterations();
+            let minimum = if p.is_discretised() { None } else { self.search_branches(p, bounds, x0) };
+            let ended = minimum.as_ref().is_some_and(|m| self.end_by_branches(p, bounds, m, control, proposer));
+            if !ended {
+                self.follow_and_go_on(p, bounds, x0, (interior, centre), control, proposer);
             }
-            self.follow(p, bounds, x0, centre, control, proposer);
-            self.settings.max_iter = allowed;
-            if self.has_others() && !p.is_discretised() {
-                self.doubt_relaxed();
+            if let Some(minimum) = &minimum {
+                if !ended {
+                    self.improve_by_branches(p, bounds, minimum, control, proposer);
+                } else {
+                    self.certify_by_branches(minimum);
+                }
             }
-            self.confirm(p, bounds, control);
-            if !p.is_discretised() {
-                if !self.is_part {
-                    self.confirm_ray(p, bounds, x0);
-                }
-                let asked = self.is_open() && !self.is_part;
-                let shown = if asked { self.ask_branches(p, bounds, x0) } else { Shown::default() };
-                if self.has_others() && !shown.empty {
-                    // where the usual path ended without an answer its directions may have left the violations as they were
-                    let demanded = std::mem::replace(&mut self.exact_rows, true);
-                    self.go_on(p, bounds, x0, (interior, centre), control, proposer);
-                    self.exact_rows = demanded;
-                    self.compare(p, bounds, x0, centre, control, proposer);
-                }
-                self.settle_for_relaxed();
-                self.find_least_violation(p, bounds, x0, shown, control, proposer);
-                if !self.is_part {
-                    self.conclude(p, bounds, x0);
-                }
+            if !p.is_discretised() && !self.is_part {
+                self.conclude(p, bounds, x0);
             }
         }
         self.explain(p, bounds);
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
+    }
+
+    /// The path, and what follows it where it has no solution.
+    fn follow_and_go_on(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        x0: &[f64],
+        (interior, centre): (bool, bool),
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) {
+        let allowed = self.settings.max_iter;
+        if !p.is_discretised() {
+            self.settings.max_iter = self.path_iterations();
+        }
+        self.follow(p, bounds, x0, centre, control, proposer);
+        self.settings.max_iter = allowed;
+        if self.has_others() && !p.is_discretised() {
+            self.doubt_relaxed();
+        }
+        self.confirm(p, bounds, control);
+        if !p.is_discretised() {
+            if !self.is_part {
+                self.confirm_ray(p, bounds, x0);
+            }
+            let asked = self.is_open() && !self.is_part;
+            let shown = if asked { self.ask_branches(p, bounds, x0) } else { Shown::default() };
+            if self.has_others() && !shown.empty {
+                // where the usual path ended without an answer its directions may have left the violations as they were
+                let demanded = std::mem::replace(&mut self.exact_rows, true);
+                self.go_on(p, bounds, x0, (interior, centre), control, proposer);
+                self.exact_rows = demanded;
+                self.compare(p, bounds, x0, centre, control, proposer);
+            }
+            self.settle_for_relaxed();
+            self.find_least_violation(p, bounds, x0, shown, control, proposer);
+        }
     }
 
     /// Solves from a primal-dual point. First the square system of the active set the point shows, which from the

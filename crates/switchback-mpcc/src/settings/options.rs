@@ -795,6 +795,8 @@ pub struct Settings {
     pub search_exact: f64,
     /// Dense output keeps at least so many of the last steps, and at most a quarter more: older ones are dropped; 0: all.
     pub dense_steps: i64,
+    /// Work of a branch and bound over the branches of a program with linear rows and a convex quadratic objective at most, in entries of tableaus; 0: none. Where it is enough the solution is global, with proof, or the program is shown to be infeasible.
+    pub branch_work: f64,
 }
 
 impl Default for Settings {
@@ -870,6 +872,7 @@ impl Default for Settings {
             search_seed: 0,
             search_exact: 2000000.0,
             dense_steps: 0,
+            branch_work: 1000000.0,
         }
     }
 }
@@ -1841,6 +1844,20 @@ pub static OPTIONS: &[OptionInfo] = &[
         offset: offset_of!(Settings, dense_steps),
         get: |s| s.dense_steps as f64,
         set: |s, v| s.dense_steps = v as i64,
+    },
+    OptionInfo {
+        name: "branch_work",
+        group: "relaxation",
+        kind: Kind::Float,
+        default: 1000000.0,
+        min: Closed(0.0),
+        max: Closed(f64::INFINITY),
+        symbol: "",
+        doc: "Work of a branch and bound over the branches of a program with linear rows and a convex quadratic objective at most, in entries of tableaus; 0: none. Where it is enough the solution is global, with proof, or the program is shown to be infeasible.",
+        setup_only: false,
+        offset: offset_of!(Settings, branch_work),
+        get: |s| s.branch_work,
+        set: |s, v| s.branch_work = v,
     },
 ];
 

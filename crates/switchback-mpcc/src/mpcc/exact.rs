@@ -1,0 +1,266 @@
+//! The least objective of all branches, with proof: branch and bound where rows are linear and the objective is convex and quadratic.
+//!
+//! With the sides of some pairs chosen and the others left open a convex program bounds all branches with these sides from below
+//! (J. J. Júdice, A. M. Faustino, Ann. Oper. Res. 34 (1992); L. Bai, J. E. Mitchell, J.-S. Pang, Optim. Lett. 7 (2013), for convex
+//! quadratic objectives). The tree is searched depth first, so that a tableau serves one node after the other with few pivots. Bounds
+//! are those of weak duality ([`Proof`]); a branch is left out where its bound is no better than the best point.
+
+use super::branches::{both, goes_on, Branches};
+use super::problem::{Mpcc, Side};
+use super::quadratic::{Proof, Quadratic};
+use super::simplex::{Found, Simplex};
+use crate::linalg::csc::Pattern;
+use crate::nlp::within;
+use crate::random::SplitMix64;
+
+/// Share of the terms of the objective that a branch has to be better by.
+const BETTER: f64 = 1e-9;
+/// Rounding of values of an objective that is quadratic, relative to its terms.
+const QUADRATIC: f64 = 1e-11;
+/// Share of the largest entry of a Hessian that rounding leaves of a pivot that vanishes.
+const SEMIDEFINITE: f64 = 1e-12;
+
+/// The best point, where there is one.
+#[derive(Debug, Clone)]
+pub(super) struct Best {
+    /// Point `[n]`.
+    pub x: Vec<f64>,
+    /// Sides of the groups.
+    pub sides: Vec<Side>,
+    /// Its objective, and the size of the terms of that.
+    pub objective: f64,
+    pub size: f64,
+    /// Multipliers of all rows `[m]` and of bounds `[n]`, as in [`Solution`](super::solver::Solution).
+    pub y: Vec<f64>,
+    pub z: Vec<f64>,
+}
+
+/// What a search has shown.
+#[derive(Debug, Clone)]
+pub(super) struct Minimum {
+    pub best: Option<Best>,
+    /// The point `[n]` that the last linear program ended at.
+    pub last: Vec<f64>,
+    /// No branch has a lower objective; infinite where none has a point.
+    pub bound: f64,
+    /// Is `best` the optimum, up to [`BETTER`], or is there no point?
+    pub complete: bool,
+}
+
+/// The objective `constant + ½ xᵀQx + cᵀx`, convex.
+pub(super) struct Convex {
+    constant: f64,
+    quadratic: Quadratic,
+}
+
+impl Convex {
+    /// That of `p` near `x`, where it is one: values and second derivatives at points up to a million times as far out follow it.
+    pub fn of(p: &mut dyn Mpcc, branches: &Branches, x: &[f64]) -> Option<Convex> {
+        let (n, m) = (p.n(), p.m());
+        let (mut c, mut grad, mut jac) = (vec![0.0; m], vec![0.0; n], vec![0.0; p.jac_pattern().nnz()]);
+        let mut hess = vec![0.0; p.hess_pattern().nnz()];
+        let base: Vec<f64> = branches.inside(x);
+        let f0 = p.eval(&base, &mut c).ok()?;
+        p.derivatives(&base, &mut grad, &mut jac).ok()?;
+        p.hessian(&base, 1.0, &vec![0.0; m], &mut hess).ok()?;
+        let mut q = vec![0.0; n * n];
+        fill(p.hess_pattern(), &hess, &mut q);
+        if q.iter().chain(&grad).any(|v| !v.is_finite()) || !is_semidefinite(n, q.clone()) {
+            return None;
+        }
+        let mut linear = grad.clone();
+        let mut sizes = vec![0.0; n];
+        for i in 0..n {
+            for j in 0..n {
+                linear[i] -= q[i * n + j] * base[j];
+                sizes[i] += (q[i * n + j] * base[j]).abs();
+            }
+            // what rounding leaves of a derivative that vanishes at the origin
+            if linear[i].abs() <= QUADRATIC * (sizes[i] + grad[i].abs()) {
+                linear[i] = 0.0;
+            }
+        }
+        let quadratic = Quadratic::new(&q, linear);
+        let constant = f0 - quadratic.value(&base);
+        let convex = Convex { constant, quadratic };
+        let mut draw = SplitMix64::new(1);
+        let mut other = base.clone();
+        for distance in super::branches::DISTANCES {
+            for (j, x) in other.iter_mut().enumerate() {
+                let away = distance * base[j].abs().max(1.0) * (2.0 * draw.share() - 1.0);
+                *x = within(base[j] + away, branches.bounds.xl[j], branches.bounds.xu[j]);
+            }
+            let f = p.eval(&other, &mut c).ok()?;
+            let size = convex.constant.abs() + convex.quadratic.terms(&other) + convex.quadratic.terms(&base);
+            if (f - convex.value(&other)).abs() > QUADRATIC * size {
+                return None;
+            }
+        }
+        Some(convex)
+    }
+
+    fn value(&self, x: &[f64]) -> f64 {
+        self.constant + self.quadratic.value(x)
+    }
+
+    /// What differences of objectives are compared with.
+    fn size(&self, x: &[f64]) -> f64 {
+        self.constant.abs().max(self.quadratic.terms(x))
+    }
+}
+
+/// Both triangles of a symmetric matrix from its upper one.
+fn fill(pattern: &Pattern, values: &[f64], out: &mut [f64]) {
+    let n = pattern.n_cols();
+    for j in 0..n {
+        for k in pattern.range(j) {
+            let i = pattern.row_idx()[k];
+            out[i * n + j] = values[k];
+            out[j * n + i] = values[k];
+        }
+    }
+}
+
+/// Is a symmetric matrix positive semidefinite, up to rounding? By elimination, the largest diagonal first.
+fn is_semidefinite(n: usize, mut a: Vec<f64>) -> bool {
+    let largest = a.iter().fold(0f64, |m, v| m.max(v.abs()));
+    let room = SEMIDEFINITE * n as f64 * largest;
+    let mut left: Vec<usize> = (0..n).filter(|i| (0..n).any(|j| a[i * n + j] != 0.0)).collect();
+    while let Some(at) = (0..left.len()).max_by(|&i, &j| a[left[i] * (n + 1)].total_cmp(&a[left[j] * (n + 1)])) {
+        let i = left.swap_remove(at);
+        let pivot = a[i * (n + 1)];
+        if pivot <= room {
+            // what is left has no diagonal: it has to vanish
+            return std::iter::once(&i)
+                .chain(&left)
+                .all(|&r| left.iter().chain([&i]).all(|&c| a[r * n + c].abs() <= room));
+        }
+        for &r in &left {
+            let factor = a[r * n + i] / pivot;
+            if factor != 0.0 {
+                for &c in &left {
+                    a[r * n + c] -= factor * a[i * n + c];
+                }
+            }
+        }
+    }
+    true
+}
+
+/// A node: sides that are chosen, and the bound of the node above it.
+struct Node {
+    chosen: Vec<Option<Side>>,
+    bound: f64,
+}
+
+/// A search for the least objective.
+struct Search<'a, 'b> {
+    branches: &'a Branches<'b>,
+    f: &'a Convex,
+    lp: Simplex,
+    proof: Proof,
+    best: Option<Best>,
+}
+
+/// What a program of a node ended with.
+enum Solved {
+    Empty,
+    Point,
+    /// Nothing is shown, or the objective falls without end.
+    Open,
+}
+
+impl Branches<'_> {
+    /// The least objective `f` of all branches, by so much work at most, in entries of tableaus. All rows have to be linear.
+    pub fn minimum(&self, f: &Convex, work: f64) -> Minimum {
+        let mut lp = Simplex::new(self.n, self.m(), self.rows.clone());
+        lp.allowed = work;
+        let mut s = Search { branches: self, f, lp, proof: Proof::default(), best: None };
+        let mut stack = vec![Node { chosen: vec![None; self.n_groups], bound: f64::NEG_INFINITY }];
+        let mut open = f64::INFINITY;
+        while let Some(node) = stack.pop() {
+            if s.is_beaten(node.bound) {
+                continue;
+            }
+            if s.lp.work > work || !goes_on() {
+                open = open.min(node.bound);
+                continue;
+            }
+            s.visit(node, &mut stack, &mut open);
+        }
+        let complete = s.is_beaten(open) || (open == f64::INFINITY && s.best.is_none());
+        let best = s.best.as_ref().map_or(f64::INFINITY, |b| b.objective);
+        Minimum { bound: best.min(open), complete, last: s.lp.point().collect(), best: s.best }
+    }
+}
+
+impl Search<'_, '_> {
+    /// Is a branch with this bound no better than the best point?
+    fn is_beaten(&self, bound: f64) -> bool {
+        self.best.as_ref().is_some_and(|b| bound >= b.objective - BETTER * b.size)
+    }
+
+    fn solve(&mut self, chosen: &[Option<Side>]) -> Solved {
+        self.branches.set(&mut self.lp, chosen, false);
+        match self.lp.feasible(&goes_on) {
+            Found::Infeasible => return Solved::Empty,
+            Found::Point => {}
+            _ => return Solved::Open,
+        }
+        match self.lp.minimise_quadratic(&self.f.quadratic, &mut self.proof, &goes_on) {
+            Found::Point => Solved::Point,
+            _ => Solved::Open,
+        }
+    }
+
+    /// Solves the program of a node and puts those below it on the stack; what cannot be decided goes into `open`.
+    fn visit(&mut self, node: Node, stack: &mut Vec<Node>, open: &mut f64) {
+        let Node { chosen, bound } = node;
+        let split = |stack: &mut Vec<Node>, group: usize, first: Side, bound: f64| {
+            stack.extend(both(&chosen, group, first).into_iter().map(|chosen| Node { chosen, bound }));
+        };
+        let undecided = chosen.iter().position(Option::is_none);
+        match self.solve(&chosen) {
+            Solved::Empty => return,
+            Solved::Point => {}
+            Solved::Open => match undecided {
+                Some(group) => return split(stack, group, Side::First, bound),
+                None => {
+                    *open = open.min(bound);
+                    return;
+                }
+            },
+        }
+        let bound = bound.max(self.f.constant + self.proof.bound);
+        if self.is_beaten(bound) {
+            return;
+        }
+        let (all, worst) = self.branches.read(&self.lp, &chosen);
+        if worst.is_none() || self.best.is_none() {
+            // the branch next to this point
+            if undecided.is_none() || matches!(self.solve(&all), Solved::Point) {
+                self.take(&all);
+            }
+        }
+        if self.is_beaten(bound) {
+            return;
+        }
+        match worst.or(undecided) {
+            Some(group) => split(stack, group, all[group].unwrap_or(Side::First), bound),
+            None => *open = open.min(bound),
+        }
+    }
+
+    /// Keeps the point that was found last, of the branch `all`, where it is the best.
+    fn take(&mut self, all: &[Option<Side>]) {
+        let x: Vec<f64> = self.lp.point().collect();
+        let objective = self.f.value(&x);
+        if self.best.as_ref().is_some_and(|b| b.objective <= objective) {
+            return;
+        }
+        let sides = all.iter().map(|s| s.unwrap_or(Side::First)).collect();
+        let y = self.proof.rows.iter().map(|y| -y).collect();
+        let size = self.f.size(&x);
+        self.best = Some(Best { x, sides, objective, size, y, z: self.proof.variables.clone() });
+    }
+}

@@ -1,0 +1,80 @@
+//! Branch and bound beside a full enumeration: what is said to be global is, and what is said to have no point has none.
+
+#![allow(clippy::needless_range_loop)]
+
+#[path = "../benches/families/draw.rs"]
+#[allow(dead_code)]
+mod draw;
+#[path = "../benches/families/enumerate.rs"]
+#[allow(dead_code)]
+mod enumerate;
+#[path = "../benches/families/program.rs"]
+mod program;
+
+use switchback_mpcc::mpcc::{BStationarity, FoundBy, Lifted, Mpcc, MpccSettings, MpccSolver, Solution};
+use switchback_mpcc::nlp::{Control, Outcome};
+
+use draw::draw;
+use enumerate::enumerate;
+
+/// The solution of a drawn program, and the least objective of its branches.
+fn solve(kind: &str, seed: u64, settings: MpccSettings) -> (Solution, f64) {
+    let program = draw(kind, seed);
+    let mut p = Lifted::new(program.clone(), &program.pairs).unwrap();
+    let bounds = p.bounds(&program.bounds).unwrap();
+    let least = if p.pairs().len() <= 9 { enumerate(&program, &mut p, &bounds) } else { f64::NAN };
+    let x0 = p.start(&program.x0);
+    let mut solver = MpccSolver::new(&mut p, settings).unwrap();
+    (solver.solve(&mut p, &bounds, &x0, &mut Control::default()).clone(), least)
+}
+
+#[test]
+fn bounds_are_those_of_an_enumeration() {
+    let settings = MpccSettings { branch_work: 1e8, ..MpccSettings::default() };
+    let (mut global, mut empty) = (0, 0);
+    for kind in ["lpcc", "qpcc", "bilevel", "sparse", "friction", "obstacle"] {
+        for seed in 0..6 {
+            let (s, least) = solve(kind, seed, settings);
+            if least.is_nan() {
+                continue;
+            }
+            if least == f64::INFINITY {
+                assert_eq!(s.outcome, Outcome::Infeasible, "{kind} {seed}");
+                empty += 1;
+                continue;
+            }
+            let room = 1e-6 * least.abs().max(1.0);
+            assert_eq!((s.outcome, s.certificate.b), (Outcome::Solved, BStationarity::Yes), "{kind} {seed}");
+            assert!((s.objective - least).abs() <= room, "{kind} {seed}: {}, enumerated {least}", s.objective);
+            let bound = s.certificate.bound.expect("a bound");
+            assert!((bound - least).abs() <= room, "{kind} {seed}: bound {bound}, enumerated {least}");
+            global += 1;
+        }
+    }
+    assert!(global > 20 && empty > 0, "{global} {empty}");
+}
+
+/// A search that ends early proves a bound that is not above any point, and costs no answer.
+#[test]
+fn a_short_search_proves_what_it_can() {
+    let mut open = 0;
+    for seed in 0..12 {
+        let (s, least) = solve("obstacle", seed, MpccSettings { branch_work: 3e4, ..MpccSettings::default() });
+        let room = 1e-6 * least.abs().max(1.0);
+        assert_eq!(s.outcome, Outcome::Solved, "{seed}");
+        let bound = s.certificate.bound.unwrap_or(f64::NEG_INFINITY);
+        assert!(least.is_nan() || bound <= least + room, "{seed}: bound {bound}, enumerated {least}");
+        open += usize::from(bound < s.objective - room);
+    }
+    assert!(open > 0, "the work was enough for all");
+}
+
+/// Nothing is said of programs whose objective or rows are others, nor without work for it.
+#[test]
+fn others_have_no_bound() {
+    for kind in ["market", "tolls", "design", "inverse"] {
+        assert_eq!(solve(kind, 1, MpccSettings::default()).0.certificate.bound, None, "{kind}");
+    }
+    let (s, _) = solve("qpcc", 1, MpccSettings { branch_work: 0.0, ..MpccSettings::default() });
+    assert!(s.certificate.bound.is_none() && s.found_by == FoundBy::Path);
+}
