@@ -373,6 +373,10 @@ impl Program {
                 format!("{}{sharp}, B-stationary: {}, {biactive}{doubt}", c.stationarity.name(), c.b.name()),
             );
         }
+        if let Some(bound) = s.certificate.bound {
+            let gap = (s.objective - bound).max(0.0);
+            line("bound", format!("no point has an objective below {bound:.10e} (gap {gap:.1e})"));
+        }
         if s.certificate.second != SecondOrder::Unknown {
             let c = &s.certificate;
             line("second order", format!("{}, {} dependent active constraints", c.second.name(), c.dependent));

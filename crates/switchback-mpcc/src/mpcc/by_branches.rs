@@ -107,7 +107,7 @@ impl MpccSolver {
         let s = &mut self.solution;
         if s.outcome == Outcome::Solved && s.polish == Polish::Done {
             s.certificate.bound = Some(minimum.bound);
-            if s.certificate.b != BStationarity::Yes {
+            if self.settings.certify && s.certificate.b != BStationarity::Yes {
                 (s.certificate.b, s.certificate.doubt) = (BStationarity::Yes, Doubt::None);
             }
         }
