@@ -411,10 +411,18 @@ fn rows_twice_about_a_kink_are_no_circle() {
         }
         qp.u_lower.fill(-0.2);
         qp.u_upper.fill(0.2);
-        let mut solver = Condensing::new(&qp).unwrap();
-        assert!(solver.prepare(&qp));
-        assert_eq!(solver.solve(&qp, &[0.0], &Terms::default()), QpStatus::Solved, "{seed}");
-        // before the method takes it for a circle, and takes larger violations for rounding
-        assert!(solver.iterations() < 2 * (n + 4 * N), "{seed}: {} iterations", solver.iterations());
+        let both: [Box<dyn QpSolver>; 2] =
+            [Box::new(Condensing::new(&qp).unwrap()), Box::new(Stagewise::new(&qp).unwrap())];
+        for mut solver in both {
+            let name = solver.name();
+            assert!(solver.prepare(&qp));
+            assert_eq!(solver.solve(&qp, &[0.0], &Terms::default()), QpStatus::Solved, "{name} {seed}");
+            // before the method takes it for a circle, and takes larger violations for rounding
+            assert!(solver.iterations() < 2 * (n + 4 * N), "{name} {seed}: {} iterations", solver.iterations());
+            let mut s = QpSolution::new(&qp);
+            solver.expand(&qp, &mut s);
+            let off = residual(&qp, &[0.0], &s);
+            assert!(off < 1e-8, "{name} {seed}: {off:e}");
+        }
     }
 }

@@ -849,12 +849,12 @@ static void aim_inside(real mu, int corrected) {
 }
 
 static real shorter(real longest, real v, real d) {
-    return d < 0 ? smaller(longest, -v / d) : longest;
+    return v + longest * d < 0 ? -v / d : longest;
 }
 
 /* How slacks and multipliers move with the step; the longest share of it that keeps them positive. */
 static real follow(void) {
-    real longest = INFINITY;
+    real longest = 2; /* what is longer than the whole step is cut off */
     int i, up;
     for (i = 0; i < ALL; i++) {
         if (i < N * NU)
