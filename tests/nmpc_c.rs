@@ -130,30 +130,52 @@ fn references_and_parameters_at_run_time() {
     let mut c = Nmpc::new(&ocp, &Options { qp: QpMethod::Stagewise, shift: true, ..explicit }).unwrap();
     let dir = folder("set");
     c.write_c("set", CReal::Double).unwrap().write(&dir).unwrap();
-    // what both do: at sample 3 another place between preparation and feedback, at sample 6 another load, then a measurement that is none
-    let driver = "#include \"set.h\"\n#include <math.h>\n#include <stdio.h>\nint main(void) {\n    int k;\n    double u;\n    \
-        for (k = 0; k < 12; k++) {\n        const double y[] = {0.5, 0.0, 0.0}, p[] = {-0.2}, bad[] = {NAN, 0.0, 0.0};\n        \
-        double x[] = {0.3 * cos(k), 0.1 * sin(3.0 * k)};\n        if (k == 6 && !set_set_params(p))\n            return 1;\n        \
-        set_prepare();\n        if (k == 3 && (!set_set_reference(0, y) || set_set_reference(0, bad) || set_set_reference(1, y)))\n            \
-        return 2;\n        if (k == 9)\n            x[0] = NAN;\n        printf(\"%d \", set_feedback(x, &u));\n        \
-        printf(\"%.17g\\n\", u);\n    }\n    return 0;\n}\n";
+    // what both do: at sample 3 another place between preparation and feedback, at sample 5 other bounds, at sample 7 another load, at
+    // sample 10 a measurement that is none
+    let driver = r#"
+#include "set.h"
+#include <math.h>
+#include <stdio.h>
+int main(void) {
+    const double y[] = {0.5, 0.0, 0.0}, p[] = {-0.2}, bad[] = {NAN, 0.0, 0.0}, lower[] = {-0.3}, upper[] = {0.4};
+    int k;
+    for (k = 0; k < 12; k++) {
+        double x[] = {0.3 * cos(k), 0.1 * sin(3.0 * k)}, u;
+        if (k == 7 && (!set_set_params(p) || set_set_params(bad)))
+            return 1;
+        set_prepare();
+        if (k == 3 && (!set_set_reference(0, y) || set_set_reference(0, bad) || set_set_reference(1, y)))
+            return 2;
+        if (k == 5 && (!set_set_control_bounds(lower, upper) || set_set_control_bounds(upper, lower) || set_set_control_bounds(bad, upper)))
+            return 3;
+        if (k == 10)
+            x[0] = NAN;
+        printf("%d ", set_feedback(x, &u));
+        printf("%.17g\n", u);
+    }
+    return 0;
+}
+"#;
     std::fs::write(dir.join("driver.c"), driver).unwrap();
     run(&dir, "make", &["-s", "set.o"]);
     run(&dir, "cc", &["-std=c99", "-Wall", "-Werror", "driver.c", "set.o", "-o", "driver", "-lm"]);
     let said = run(&dir, "./driver", &[]);
     std::fs::remove_dir_all(&dir).unwrap();
-    let mut lines = said.lines();
+    let (mut lines, mut limited) = (said.lines(), 0);
     for k in 0..12 {
         let time = f64::from(k);
         let mut x = [0.3 * time.cos(), 0.1 * (3.0 * time).sin()];
-        if k == 6 {
+        if k == 7 {
             c.set_params(&[-0.2]).unwrap();
         }
         c.prepare(None).unwrap();
         if k == 3 {
             c.set_references(0, &[0.5, 0.0, 0.0]).unwrap();
         }
-        if k == 9 {
+        if k == 5 {
+            c.set_control_bounds(&[-0.3], &[0.4]).unwrap();
+        }
+        if k == 10 {
             x[0] = f64::NAN;
         }
         let mut u = [0.0];
@@ -161,6 +183,8 @@ fn references_and_parameters_at_run_time() {
         let (in_c, control) = lines.next().unwrap().split_once(' ').unwrap();
         assert_eq!(in_c, (source as usize).to_string(), "{k}");
         let control: f64 = control.trim().parse().unwrap();
+        limited += usize::from(k >= 5 && (control == -0.3 || control == 0.4));
         assert!((control - u[0]).abs() < 1e-12, "{k}: {control} {}", u[0]);
     }
+    assert!(limited > 0, "no control is at the new bounds");
 }

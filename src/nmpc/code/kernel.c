@@ -42,7 +42,7 @@ static struct {
     real k[RK * NX], s[NX * NW], sz[NX * NW], sk[RK * NX * NW], jac[ROOM(JACOBIAN)], value[ROOM(VALUES)], line[ROOM(VALUES) * NW];
     real cov[NX * NX], gain[NU * NX], closed[NX * NX], product[NX * NX], noise[NX * NU];
     /* The controller. */
-    real measured[NX], applied[NU], predicted[NX], price;
+    real measured[NX], applied[NU], predicted[NX], u_lower[NU], u_upper[NU], price;
     int elastic, has_gaps, ready, prepared, pending, seen, unshifted, has_prediction, violating, entry, started, iterations;
 } w;
 
@@ -1187,8 +1187,16 @@ static void advance(void) {
     }
 }
 
+static void control_bounds(void) {
+    int i;
+    for (i = 0; i < N * NU; i++) {
+        w.lower[i] = w.u_lower[i % NU] - w.at_u[i];
+        w.upper[i] = w.u_upper[i % NU] - w.at_u[i];
+    }
+}
+
 static int linearise(void) {
-    int k, i;
+    int k;
     w.ready = 0;
     copy((N + 1) * NX, w.x, w.at_x);
     copy(N * NU, w.u, w.at_u);
@@ -1200,10 +1208,7 @@ static int linearise(void) {
     }
     if (!costs(1) || !constraints())
         return 0;
-    for (i = 0; i < N * NU; i++) {
-        w.lower[i] = U_LOWER[i % NU] - w.u[i];
-        w.upper[i] = U_UPPER[i % NU] - w.u[i];
-    }
+    control_bounds();
     clear_weights();
     w.free.valid = w.now.valid = N + 1;
     if (!riccati(&w.free, w.want_u, w.want_rows, w.want_fixed))
@@ -1261,6 +1266,8 @@ void PREFIX(reset)(void) {
     copy((N + 1) * NX, START_X, w.x);
     copy(N * NU, START_U, w.u);
     copy(NU, START_U, w.applied);
+    copy(NU, U_LOWER, w.u_lower);
+    copy(NU, U_UPPER, w.u_upper);
     copy(NP, START_P, w.params);
     copy(REFERENCES, START_REFERENCES, w.references);
     fill(ALL, 0, w.y);
@@ -1334,7 +1341,7 @@ int PREFIX(feedback)(const real *x, real *u) {
         }
     }
     for (i = 0; i < NU; i++)
-        u[i] = within(u[i], U_LOWER[i], U_UPPER[i]);
+        u[i] = within(u[i], w.u_lower[i], w.u_upper[i]);
     if (w.seen)
         copy(NX, x, w.measured);
     w.unshifted = w.seen;
@@ -1353,6 +1360,21 @@ int PREFIX(set_reference)(int term, const real *y) {
         copy(FUN_OUT[1 + term], y, &w.references[TERM_REFERENCES[term] + i * FUN_OUT[1 + term]]);
     if (w.prepared && w.ready && !costs(0))
         w.ready = 0;
+    return 1;
+}
+
+int PREFIX(set_control_bounds)(const real *lower, const real *upper) {
+    int i;
+    for (i = 0; i < NU; i++)
+        if (!(lower[i] <= upper[i]))
+            return 0;
+    if (!w.started)
+        PREFIX(reset)();
+    finish();
+    copy(NU, lower, w.u_lower);
+    copy(NU, upper, w.u_upper);
+    if (w.ready)
+        control_bounds();
     return 1;
 }
 

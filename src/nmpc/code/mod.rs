@@ -115,6 +115,7 @@ impl Nmpc {
     /// int prefix_prepare(void);                                  1 where there is a program for the next sample
     /// int prefix_feedback(const real *x, real *u);               the source of the control
     /// int prefix_set_reference(int term, const real *y);         for all nodes; 1 if it was taken
+    /// int prefix_set_control_bounds(const real *lower, const real *upper);
     /// int prefix_set_params(const real *p);                      from the next preparation on
     /// void prefix_reset(void);
     /// ```
@@ -221,9 +222,12 @@ int {prefix}_feedback(const {prefix}_real *x, {prefix}_real *u);
 /* The reference of a least-squares term, for all its nodes. Between a preparation and its feedback it counts at once. 0 where it is not taken:
    no such term, or no numbers. */
 int {prefix}_set_reference(int term, const {prefix}_real *y);
+/* Bounds of the controls, [nu] each, INFINITY for none. Between a preparation and its feedback they count at once. 0 where they are not taken: a
+   lower one above the upper one, or no numbers. */
+int {prefix}_set_control_bounds(const {prefix}_real *lower, const {prefix}_real *upper);
 /* Parameters p[np], from the next preparation on; 0 where they are no numbers. */
 int {prefix}_set_params(const {prefix}_real *p);
-/* Back to the start. */
+/* Back to the start, with the plan, parameters, references and bounds that were written. */
 void {prefix}_reset(void);
 /* The plan from the last sample on: x[(n + 1) nx], u[n nu]. Valid until the next call. */
 const {prefix}_real *{prefix}_plan_x(void);
