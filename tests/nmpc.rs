@@ -335,7 +335,9 @@ fn both_methods_for_quadratic_programs_agree() {
         });
         assert_eq!(answers[0].0, answers[1].0, "{sample}");
         let off = answers[0].2.iter().zip(&answers[1].2).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-        assert!(off < 1e-6, "{sample}: {off:e}");
+        // where rows contradict each other the last controls hardly move the cost, and are determined to few digits
+        let tol = if answers[0].0 == Source::Qp { 1e-8 } else { 1e-3 };
+        assert!((answers[0].1 - answers[1].1).abs() < 1e-8 && off < tol, "{sample}: {off:e}");
         seen[usize::from(answers[0].0 == Source::SoftQp)] += 1;
     }
     assert!(seen.iter().all(|n| *n >= 10), "{seen:?}");
