@@ -11,6 +11,9 @@
 //! of linear rows that a linear program shows to be empty are left out. The optimum is that of an enumeration where branches are
 //! convex; elsewhere it is the best of three starts of every branch, and of what the arms found. `--reference FILE` keeps optima.
 //!
+//! `--units K` gives objective, rows and variables units of their own, drawn from `10^-K` to `10^K`; optima stay those of the program as it was
+//! drawn. The certificate is then judged where K is 0 alone, as its tolerances are those of a scaling.
+//!
 //! Every word is judged: rows and pairs evaluated anew, B-stationarity by linear programs over all branches at the point,
 //! infeasibility by the enumeration.
 
@@ -27,10 +30,12 @@ use std::io::Write as _;
 use switchback_mpcc::mpcc::simplex::Found;
 use switchback_mpcc::mpcc::{BStationarity, Lifted, Mpcc, MpccSettings, MpccSolver, Solution};
 use switchback_mpcc::nlp::{Bounds, Control, Nlp, Outcome, INFINITE};
+use switchback_mpcc::random::SplitMix64;
 use switchback_mpcc::settings::Portfolio;
 
 use draw::{draw, KINDS};
 use enumerate::{enumerate, holds, linear_rows, Lift};
+use program::Program;
 
 /// Violation of rows, bounds and pairs of a point that is one, relative to bounds above one.
 const MET: f64 = 1e-6;
@@ -45,7 +50,7 @@ fn main() {
     match args.first().map(String::as_str) {
         Some("run") => run(&args[1..]),
         Some("compare") if args.len() == 3 => compare(&read(&args[1]), &read(&args[2])),
-        _ => eprintln!("usage: families run [--seed S] [--count N] [--kinds a,b] [--set KEY=VALUE] [--reference FILE] | compare OLD NEW"),
+        _ => eprintln!("usage: families run [--seed S] [--count N] [--kinds a,b] [--set KEY=VALUE] [--reference FILE] [--units K] | compare OLD NEW"),
     }
 }
 
@@ -80,6 +85,7 @@ fn run(args: &[String]) {
     let count: u64 = option(args, "--count").map_or(10, |s| s.parse().expect("a count"));
     let kinds: Vec<&str> = option(args, "--kinds").map_or(KINDS.to_vec(), |s| s.split(',').collect());
     let settings = settings(args);
+    let units: i32 = option(args, "--units").map_or(0, |s| s.parse().expect("a number of digits"));
     let file = option(args, "--reference");
     let mut known: HashMap<(String, u64), f64> = HashMap::new();
     for line in file.and_then(|f| std::fs::read_to_string(f).ok()).unwrap_or_default().lines() {
@@ -100,6 +106,9 @@ fn run(args: &[String]) {
                 }
                 best
             });
+            let (program, unit) = in_units(program, units, seed);
+            let mut p = Lifted::new(program.clone(), &program.pairs).expect("pairs");
+            let b = p.bounds(&program.bounds).expect("bounds");
             let x0 = p.start(&program.x0);
             let mut least = f64::INFINITY;
             let mut found: Option<Solution> = None;
@@ -110,8 +119,8 @@ fn run(args: &[String]) {
                 least = least.min(processor_time() - begin);
             }
             let s = found.expect("a solution");
-            let (claims, wrong) = judge(&mut p, &b, &s, best);
-            let value = if s.outcome == Outcome::Solved { s.objective } else { f64::NAN };
+            let (claims, wrong) = judge(&mut p, &b, &s, (unit, units > 0), best);
+            let value = if s.outcome == Outcome::Solved { s.objective / unit } else { f64::NAN };
             let (outcome, pairs, us) = (s.outcome, p.pairs().len(), 1e6 * least);
             let iterations = s.stats.iterations;
             println!(
@@ -119,6 +128,16 @@ fn run(args: &[String]) {
             );
         }
     }
+}
+
+/// The program in drawn decimal units, and that of the objective.
+fn in_units(program: Program, digits: i32, seed: u64) -> (Program, f64) {
+    let mut draw = SplitMix64::new(seed ^ 0x5eed);
+    let mut unit = || 10f64.powi((f64::from(2 * digits + 1) * draw.share()) as i32 - digits);
+    let objective = unit();
+    let rows: Vec<f64> = program.rows.iter().map(|_| unit()).collect();
+    let variables: Vec<f64> = program.x0.iter().map(|_| unit()).collect();
+    (program.in_units(objective, &rows, &variables), objective)
 }
 
 /// Processor seconds of this thread.
@@ -138,9 +157,9 @@ fn processor_time() -> f64 {
     }
 }
 
-/// What was claimed, and which of it is false: `s` solved, `b` B-stationary, `i` infeasible, `l` locally infeasible, which is
+/// What was claimed, and which of it is false: `s` solved, `b` B-stationary, `g` no point is below the bound, `i` infeasible, `l` locally infeasible, which is
 /// false of no program that has a point elsewhere and is only listed.
-fn judge(p: &mut Lift, b: &Bounds, s: &Solution, best: f64) -> (String, String) {
+fn judge(p: &mut Lift, b: &Bounds, s: &Solution, (unit, mixed): (f64, bool), best: f64) -> (String, String) {
     let (mut claims, mut wrong) = (String::new(), String::new());
     let mut claim = |name: char, is_true: bool| {
         claims.push(name);
@@ -153,10 +172,13 @@ fn judge(p: &mut Lift, b: &Bounds, s: &Solution, best: f64) -> (String, String) 
             let mut c = vec![0.0; p.m()];
             let f = p.eval(&s.x, &mut c).unwrap_or(f64::NAN);
             let closed = p.pairs().iter().all(|&(u, v)| s.x[u].min(s.x[v]) <= MET || s.x[u] * s.x[v] <= 1e-7);
-            let same = (f - s.objective).abs() <= MET * f.abs().max(1.0);
+            let same = (f - s.objective).abs() <= MET * f.abs().max(unit);
             claim('s', holds(&s.x, &c, b, MET) && closed && same);
             if s.certificate.b == BStationarity::Yes {
-                claim('b', !descends(p, b, &s.x));
+                claim('b', mixed || !descends(p, b, &s.x));
+            }
+            if let Some(bound) = s.certificate.bound {
+                claim('g', bound / unit <= best + MET * best.abs().max(1.0));
             }
         }
         Outcome::Infeasible => claim('i', best == f64::INFINITY),

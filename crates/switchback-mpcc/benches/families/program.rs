@@ -66,6 +66,14 @@ impl Expr {
         products.chain(self.exponentials.iter().map(|&(j, w, s)| (j, j, w * s * s * (s * x[j]).exp())))
     }
 
+    /// The function times `factor`, of variables that are the ones given in units of `unit`.
+    fn in_units(&mut self, factor: f64, unit: &[f64]) {
+        self.constant *= factor;
+        self.linear.iter_mut().for_each(|t| t.1 *= factor * unit[t.0]);
+        self.products.iter_mut().for_each(|t| t.2 *= factor * unit[t.0] * unit[t.1]);
+        self.exponentials.iter_mut().for_each(|t| (t.1, t.2) = (t.1 * factor, t.2 * unit[t.0]));
+    }
+
     pub fn is_linear(&self) -> bool {
         self.products.is_empty() && self.exponentials.is_empty()
     }
@@ -140,6 +148,22 @@ impl Program {
             cols.push(j);
         }
         (self.hess, self.hess_slots) = Pattern::from_triplets(n, n, &rows, &cols);
+        self
+    }
+
+    /// The same program in other units: of the objective, of its rows, and of its variables.
+    pub fn in_units(mut self, objective: f64, rows: &[f64], variables: &[f64]) -> Program {
+        self.objective.in_units(objective, variables);
+        for (i, e) in self.rows.iter_mut().enumerate() {
+            e.in_units(rows[i], variables);
+            self.bounds.cl[i] *= rows[i];
+            self.bounds.cu[i] *= rows[i];
+        }
+        for (j, u) in variables.iter().enumerate() {
+            self.bounds.xl[j] /= u;
+            self.bounds.xu[j] /= u;
+            self.x0[j] /= u;
+        }
         self
     }
 

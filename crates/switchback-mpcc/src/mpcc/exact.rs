@@ -17,7 +17,7 @@ use crate::random::SplitMix64;
 const BETTER: f64 = 1e-9;
 /// Rounding of values of an objective that is quadratic, relative to its terms.
 const QUADRATIC: f64 = 1e-11;
-/// Share of the largest entry of a Hessian that rounding leaves of a pivot that vanishes.
+/// Share of a diagonal entry of a Hessian that rounding leaves of a pivot that vanishes, for each variable.
 const SEMIDEFINITE: f64 = 1e-12;
 
 /// The best point, where there is one.
@@ -121,10 +121,16 @@ fn fill(pattern: &Pattern, values: &[f64], out: &mut [f64]) {
     }
 }
 
-/// Is a symmetric matrix positive semidefinite, up to rounding? By elimination, the largest diagonal first.
+/// Is a symmetric matrix positive semidefinite, up to rounding of entries in units in which its diagonal is one? By elimination, the
+/// largest diagonal first.
 fn is_semidefinite(n: usize, mut a: Vec<f64>) -> bool {
-    let largest = a.iter().fold(0f64, |m, v| m.max(v.abs()));
-    let room = SEMIDEFINITE * n as f64 * largest;
+    let unit: Vec<f64> = (0..n).map(|i| if a[i * (n + 1)] > 0.0 { a[i * (n + 1)].sqrt() } else { 1.0 }).collect();
+    // where a diagonal vanishes its row has to
+    if (0..n).any(|i| a[i * (n + 1)] <= 0.0 && a[i * n..][..n].iter().any(|v| *v != 0.0)) {
+        return false;
+    }
+    a.iter_mut().enumerate().for_each(|(k, v)| *v /= unit[k / n] * unit[k % n]);
+    let room = SEMIDEFINITE * n as f64;
     let mut left: Vec<usize> = (0..n).filter(|i| (0..n).any(|j| a[i * n + j] != 0.0)).collect();
     while let Some(at) = (0..left.len()).max_by(|&i, &j| a[left[i] * (n + 1)].total_cmp(&a[left[j] * (n + 1)])) {
         let i = left.swap_remove(at);
@@ -173,7 +179,7 @@ enum Solved {
 impl Branches<'_> {
     /// The least objective `f` of all branches, by so much work at most, in entries of tableaus. All rows have to be linear.
     pub fn minimum(&self, f: &Convex, work: f64) -> Minimum {
-        let mut lp = Simplex::new(self.n, self.m(), self.rows.clone());
+        let mut lp = Simplex::beside(self.n, self.m(), self.rows.clone(), f.quadratic.rows());
         lp.allowed = work;
         let mut s = Search { branches: self, f, lp, proof: Proof::default(), best: None };
         let mut stack = vec![Node { chosen: vec![None; self.n_groups], bound: f64::NEG_INFINITY }];

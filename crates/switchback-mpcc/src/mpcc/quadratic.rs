@@ -35,6 +35,15 @@ impl Quadratic {
         Quadratic { n, entries, linear: c }
     }
 
+    /// The rows of the matrix that are not zero, and the linear terms, `[k · n]` by rows.
+    pub fn rows(&self) -> Vec<f64> {
+        let n = self.n;
+        let mut full = vec![0.0; n * n];
+        self.entries.iter().for_each(|&(i, j, q)| full[i * n + j] = q);
+        full.extend_from_slice(&self.linear);
+        full.chunks(n.max(1)).filter(|row| row.iter().any(|v| *v != 0.0)).flatten().copied().collect()
+    }
+
     /// The value at `x[n]`.
     pub fn value(&self, x: &[f64]) -> f64 {
         let curved: f64 = self.entries.iter().map(|&(i, j, q)| 0.5 * q * x[i] * x[j]).sum();
@@ -99,6 +108,8 @@ struct Work {
     factor: Vec<f64>,
     /// Steps without a length, one after the other.
     stays: usize,
+    /// Variables along which there is nothing but rounding, since the last step.
+    flat: Vec<usize>,
 }
 
 impl Work {
@@ -135,6 +146,7 @@ impl Simplex {
             ways: Vec::new(),
             factor: Vec::new(),
             stays: 0,
+            flat: Vec::new(),
         };
         // what is between its bounds is free from the start
         let between = |v: &usize| self.value[*v] != self.lower[*v] && self.value[*v] != self.upper[*v];
@@ -152,11 +164,11 @@ impl Simplex {
                 };
                 if !self.let_go(&mut w, column) {
                     // no curvature along it: to a bound, or without end
-                    let flat = w.reduced[column].abs() <= FLAT * w.sizes[column];
                     self.flat_direction(&w, column, sense);
                     self.forget(&mut w);
-                    if flat {
+                    if self.is_flat(&w) {
                         // nor a slope: it may stay where it is, held like one that is at a bound
+                        w.flat.push(self.nonbasic[column]);
                         continue;
                     }
                     w.free.push(column);
@@ -208,13 +220,20 @@ impl Simplex {
         }
     }
 
+    /// Is the slope along the direction nothing but rounding?
+    fn is_flat(&self, w: &Work) -> bool {
+        let slope: f64 = w.gradient.iter().zip(&self.direction).map(|(g, d)| g * d).sum();
+        let terms: f64 = w.terms.iter().zip(&self.direction).map(|(t, d)| t * d.abs()).sum();
+        slope >= -FLAT * terms
+    }
+
     /// The held variable whose reduced derivative promises most, and the sense in which it goes.
     fn promising(&self, w: &Work) -> Option<(usize, f64)> {
         let mut best: Option<(usize, f64, f64)> = None;
         for k in (0..self.n).filter(|k| !w.free.contains(k)) {
             let (v, d) = (self.nonbasic[k], w.reduced[k]);
             let possible = if d < 0.0 { self.value[v] < self.upper[v] } else { self.value[v] > self.lower[v] };
-            if d.abs() <= FLAT * w.sizes[k] || d == 0.0 || !possible {
+            if d.abs() <= FLAT * w.sizes[k] || d == 0.0 || !possible || w.flat.contains(&v) {
                 continue;
             }
             let key = if w.turns() { -(v as f64) } else { d.abs() };
@@ -327,13 +346,14 @@ impl Simplex {
         let n = self.n;
         self.work += (self.m * columns.len()) as f64;
         self.direction.fill(0.0);
+        let longest = x.iter().fold(0f64, |a, x| a.max(x.abs()));
         for (k, x) in columns.iter().zip(x) {
             self.direction[self.nonbasic[*k]] = *x;
         }
         for i in 0..self.m {
             let row = &self.tableau[i * n..][..n];
             let (d, size) = sum(columns.iter().zip(x).map(|(k, x)| row[*k] * x));
-            self.direction[self.basic[i]] = if d.abs() <= PIVOT * size { 0.0 } else { d };
+            self.direction[self.basic[i]] = if d.abs() <= (PIVOT * size).max(ROUNDING * longest) { 0.0 } else { d };
         }
     }
 
@@ -366,6 +386,7 @@ impl Simplex {
             }
         }
         w.stays = if length == 0.0 { w.stays + 1 } else { 0 };
+        w.flat.clear();
         if length.is_infinite() {
             return Advance::Unlimited;
         }
@@ -420,10 +441,14 @@ impl Simplex {
         let noise = NOISE * w.terms.iter().fold(0f64, |a, t| a.max(*t));
         let x = &self.value[..n];
         let mut bound: f64 = -0.5 * w.f.entries.iter().map(|&(i, j, q)| q * x[i] * x[j]).sum::<f64>();
+        // what rounding leaves of a multiplier that vanishes counts at the point where its variable has no bound
+        let mut rounding = 0.0;
         let mut add = |weight: f64, v: usize, size: f64| {
-            let end = if weight > 0.0 { self.lower[v] } else { self.upper[v] };
-            // what rounding leaves of a multiplier that vanishes counts at the point where its variable has no bound
-            let end = if weight.abs() <= ROUNDING.sqrt() * size && !end.is_finite() { self.value[v] } else { end };
+            let mut end = if weight > 0.0 { self.lower[v] } else { self.upper[v] };
+            if weight.abs() <= ROUNDING.sqrt() * size && !end.is_finite() {
+                end = self.value[v];
+                rounding += (weight * end).abs();
+            }
             if weight != 0.0 {
                 bound += weight * end;
             }
@@ -441,7 +466,7 @@ impl Simplex {
         }
         proof.rows.clear();
         proof.rows.extend(y.iter().enumerate().map(|(i, y)| y * self.unit[n + i]));
-        proof.bound = bound;
+        proof.bound = if rounding <= MET * w.f.terms(x) { bound } else { f64::NEG_INFINITY };
     }
 }
 

@@ -18,6 +18,8 @@ pub(super) const MET: f64 = 1e-9;
 const NOISE: f64 = 1e-13;
 /// Share of the terms of a sum that rounding may leave of one that vanishes.
 pub(super) const ROUNDING: f64 = 1e-12;
+/// Passes over rows and columns at most, to scale them.
+const PASSES: usize = 20;
 /// Pivots after which the first possible one is taken (R. G. Bland, *New finite pivoting rules for the simplex method*, 1977), and after which a
 /// program is left, both as multiples of its rows and variables.
 pub(super) const PATIENCE: usize = 5;
@@ -75,9 +77,18 @@ struct Step {
 
 impl Simplex {
     /// Rows `a`, `[m · n]` by rows, without bounds.
-    pub fn new(n: usize, m: usize, mut a: Vec<f64>) -> Simplex {
-        let mut unit = vec![1.0; n + m];
-        equilibrate(n, m, &mut a, &mut unit);
+    pub fn new(n: usize, m: usize, a: Vec<f64>) -> Simplex {
+        Simplex::beside(n, m, a, Vec::new())
+    }
+
+    /// The same with units of variables in which these further rows, `[k · n]`, have entries of about one as well.
+    pub fn beside(n: usize, m: usize, mut a: Vec<f64>, further: Vec<f64>) -> Simplex {
+        let k = further.len().checked_div(n).unwrap_or(0);
+        let mut unit = vec![1.0; n + m + k];
+        a.extend(further);
+        equilibrate(n, m + k, &mut a, &mut unit);
+        a.truncate(m * n);
+        unit.truncate(n + m);
         Simplex {
             tableau: a.clone(),
             rows: a,
@@ -478,19 +489,29 @@ fn equilibrate(n: usize, m: usize, a: &mut [f64], unit: &mut [f64]) {
             1.0
         }
     };
-    for _ in 0..3 {
+    for _ in 0..PASSES {
+        let mut changed = false;
         for i in 0..m {
             let row = &mut a[i * n..][..n];
             let s = extremes(row.iter().copied());
             let s = factor(s.0, s.1);
-            row.iter_mut().for_each(|v| *v /= s);
-            unit[n + i] /= s;
+            if s != 1.0 {
+                changed = true;
+                row.iter_mut().for_each(|v| *v /= s);
+                unit[n + i] /= s;
+            }
         }
         for j in 0..n {
             let s = extremes((0..m).map(|i| a[i * n + j]));
             let s = factor(s.0, s.1);
-            (0..m).for_each(|i| a[i * n + j] /= s);
-            unit[j] /= s;
+            if s != 1.0 {
+                changed = true;
+                (0..m).for_each(|i| a[i * n + j] /= s);
+                unit[j] /= s;
+            }
+        }
+        if !changed {
+            break;
         }
     }
 }
