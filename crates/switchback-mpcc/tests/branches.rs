@@ -12,9 +12,9 @@ mod enumerate;
 mod program;
 
 use switchback_mpcc::mpcc::{BStationarity, FoundBy, Lifted, Mpcc, MpccSettings, MpccSolver, Solution};
-use switchback_mpcc::nlp::{Control, Outcome};
+use switchback_mpcc::nlp::{Control, Nlp, Outcome};
 
-use draw::draw;
+use draw::{complementarity, draw};
 use enumerate::enumerate;
 
 /// The solution of a drawn program, and the least objective of its branches.
@@ -67,6 +67,28 @@ fn a_short_search_proves_what_it_can() {
         open += usize::from(bound < s.objective - room);
     }
     assert!(open > 0, "the work was enough for all");
+}
+
+/// Linear complementarity problems end at a solution without a path: strictly copositive ones, on which one takes up to thousands of iterations.
+#[test]
+fn complementarity_problems_take_pivots() {
+    for kind in ["positive", "monotone", "copositive"] {
+        for (n, seed) in [(5, 1), (20, 2), (60, 3)] {
+            let program = complementarity(kind, n, seed);
+            let mut p = Lifted::new(program.clone(), &program.pairs).unwrap();
+            let bounds = p.bounds(&program.bounds).unwrap();
+            let x0 = p.start(&program.x0);
+            let mut solver = MpccSolver::new(&mut p, MpccSettings::default()).unwrap();
+            let s = solver.solve(&mut p, &bounds, &x0, &mut Control::default()).clone();
+            assert_eq!((s.outcome, s.found_by), (Outcome::Solved, FoundBy::Branches), "{kind} {n}");
+            assert!(s.stats.iterations <= 2, "{kind} {n}: {}", s.stats.iterations);
+            let mut c = vec![0.0; p.m()];
+            p.eval(&s.x, &mut c).unwrap();
+            let open = p.pairs().iter().map(|&(a, b)| s.x[a].min(s.x[b]).abs()).fold(0.0, f64::max);
+            let missed = c.iter().fold(0f64, |a, c| a.max(c.abs()));
+            assert!(open.max(missed) < 1e-9 && s.x.iter().all(|x| *x >= 0.0), "{kind} {n}: {open:e} {missed:e}");
+        }
+    }
 }
 
 /// Nothing is said of programs whose objective or rows are others, nor without work for it.

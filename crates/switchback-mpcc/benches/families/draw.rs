@@ -369,3 +369,52 @@ fn inverse(d: &mut Draw, k: usize) -> Program {
     p.x0.fill(0.5);
     p
 }
+
+/// Kinds of linear complementarity problems.
+pub const COMPLEMENTARITY: [&str; 5] = ["positive", "monotone", "copositive", "indefinite", "banded"];
+
+/// A linear complementarity problem `0 ≤ z ⊥ q + M z ≥ 0` of `n` pairs without an objective: `M` positive definite and not symmetric;
+/// positive semidefinite of half rank plus a skew part, with a solution; strictly copositive, which always has one; of any signs, with a
+/// solution; or a banded M-matrix.
+pub fn complementarity(kind: &str, n: usize, seed: u64) -> Program {
+    let number = COMPLEMENTARITY.iter().position(|k| *k == kind).unwrap_or(0) as u64;
+    let mut d = Draw(SplitMix64::new(seed.wrapping_mul(64).wrapping_add(32 + number)));
+    d.0.share();
+    let mut p = Program::new(&vec![(0.0, INF); n], Expr::of(0.0), true);
+    let mut m = match kind {
+        "banded" => Vec::new(),
+        "copositive" => {
+            d.matrix(n, n).into_iter().map(|r| r.into_iter().map(|v| (4.0 * v - 3.0).max(0.0)).collect()).collect()
+        }
+        "indefinite" => d.matrix(n, n),
+        _ => d.monotone(n, if kind == "monotone" { n.div_ceil(2) } else { n }, 1.0),
+    };
+    let mut q = d.vector(n, 1.0);
+    if kind == "monotone" || kind == "indefinite" {
+        for (q, row) in q.iter_mut().zip(&m) {
+            *q = -row
+                .iter()
+                .enumerate()
+                .map(|(j, v)| if j % 2 == 0 { (1 + j % 3) as f64 * v } else { 0.0 })
+                .sum::<f64>();
+        }
+        q.iter_mut().skip(1).step_by(2).for_each(|q| *q += d.within(0.0, 2.0));
+    }
+    for i in 0..n {
+        let mut e = Expr::of(q[i]);
+        if kind == "banded" {
+            e = e.plus(2.0 + d.within(0.0, 0.1), i);
+            for j in [i.wrapping_sub(1), i + 1].into_iter().filter(|j| *j < n) {
+                e = e.plus(-1.0, j);
+            }
+        } else {
+            m[i][i] += if kind == "copositive" || kind == "positive" { 0.1 } else { 0.0 };
+            for (j, v) in m[i].iter().enumerate().filter(|e| *e.1 != 0.0) {
+                e = e.plus(*v, j);
+            }
+        }
+        p.pair(i, e);
+    }
+    p.x0.fill(1.0);
+    p.finish()
+}

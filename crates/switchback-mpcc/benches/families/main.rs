@@ -6,6 +6,8 @@
 //! cargo bench -p switchback-mpcc --bench families -- compare old.tsv new.tsv
 //! ```
 //!
+//! `lcp` solves linear complementarity problems without an objective, of five kinds.
+//!
 //! `run` solves the programs of `count` seeds of every kind from `seed` on, which is drawn from the clock where it is not given, and
 //! writes a line for each. Branches are enumerated with the interior-point method, one smooth program for every choice of sides; those
 //! of linear rows that a linear program shows to be empty are left out. The optimum is that of an enumeration where branches are
@@ -33,7 +35,7 @@ use switchback_mpcc::nlp::{Bounds, Control, Nlp, Outcome, INFINITE};
 use switchback_mpcc::random::SplitMix64;
 use switchback_mpcc::settings::Portfolio;
 
-use draw::{draw, KINDS};
+use draw::{complementarity, draw, COMPLEMENTARITY, KINDS};
 use enumerate::{enumerate, holds, linear_rows, Lift};
 use program::Program;
 
@@ -49,8 +51,9 @@ fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     match args.first().map(String::as_str) {
         Some("run") => run(&args[1..]),
+        Some("lcp") => run_complementarity(&args[1..]),
         Some("compare") if args.len() == 3 => compare(&read(&args[1]), &read(&args[2])),
-        _ => eprintln!("usage: families run [--seed S] [--count N] [--kinds a,b] [--set KEY=VALUE] [--reference FILE] [--units K] | compare OLD NEW"),
+        _ => eprintln!("usage: families run [--seed S] [--count N] [--kinds a,b] [--set KEY=VALUE] [--reference FILE] [--units K] | lcp [--sizes 10,50] [--seed S] [--count N] [--kinds a,b] [--set KEY=VALUE] | compare OLD NEW"),
     }
 }
 
@@ -125,6 +128,43 @@ fn run(args: &[String]) {
             let iterations = s.stats.iterations;
             println!(
                 "{kind}\t{seed}\t{pairs}\t{outcome:?}\t{value:.10e}\t{best:.10e}\t{iterations}\t{us:.0}\t{claims}\t{wrong}"
+            );
+        }
+    }
+}
+
+/// Linear complementarity problems: how many are solved, by which iterations and time.
+fn run_complementarity(args: &[String]) {
+    let seed: u64 = option(args, "--seed").map_or(1, |s| s.parse().expect("a seed"));
+    let count: u64 = option(args, "--count").map_or(5, |s| s.parse().expect("a count"));
+    let sizes: Vec<usize> = option(args, "--sizes")
+        .map_or(vec![10, 50, 150], |s| s.split(',').map(|n| n.parse().expect("a size")).collect());
+    let kinds: Vec<&str> = option(args, "--kinds").map_or(COMPLEMENTARITY.to_vec(), |s| s.split(',').collect());
+    let settings = settings(args);
+    println!("kind           n  problems  solved  iterations: mean  most  milliseconds: mean  most");
+    for kind in kinds {
+        for &n in &sizes {
+            let (mut solved, mut all, mut most, mut time, mut longest) = (0, 0, 0, 0.0, 0f64);
+            for seed in seed..seed + count {
+                let program = complementarity(kind, n, seed);
+                let mut p = Lifted::new(program.clone(), &program.pairs).expect("pairs");
+                let b = p.bounds(&program.bounds).expect("bounds");
+                let x0 = p.start(&program.x0);
+                let begin = processor_time();
+                let mut solver = MpccSolver::new(&mut p, settings).expect("a solver");
+                let s = solver.solve(&mut p, &b, &x0, &mut Control::default()).clone();
+                let spent = 1e3 * (processor_time() - begin);
+                let mut c = vec![0.0; p.m()];
+                let closed = p.pairs().iter().all(|&(u, v)| s.x[u].min(s.x[v]) <= MET);
+                let known = p.eval(&s.x, &mut c).is_ok();
+                solved += usize::from(s.outcome == Outcome::Solved && known && closed && holds(&s.x, &c, &b, MET));
+                (all, most) = (all + s.stats.iterations, most.max(s.stats.iterations));
+                (time, longest) = (time + spent, longest.max(spent));
+            }
+            let mean = all as f64 / count as f64;
+            println!(
+                "{kind:<11} {n:>4}  {count:>8}  {solved:>6}  {mean:>16.1}  {most:>4}  {:>18.2}  {longest:>4.2}",
+                time / count as f64
             );
         }
     }

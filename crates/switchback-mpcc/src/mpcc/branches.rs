@@ -9,6 +9,7 @@
 
 use super::problem::{Mpcc, Side};
 use super::simplex::{Found, Simplex};
+use crate::linalg::csc::Pattern;
 use crate::nlp::{within, Bounds, INFINITE};
 use crate::random::SplitMix64;
 use crate::stop;
@@ -53,14 +54,14 @@ pub(super) enum Said {
 
 /// The linear part of a program.
 pub(super) struct Branches<'a> {
-    pairs: &'a [(usize, usize)],
+    pub(super) pairs: &'a [(usize, usize)],
     groups: Vec<usize>,
     pub(super) n_groups: usize,
     pub(super) n: usize,
     pub(super) bounds: Bounds,
     /// Linear rows `[k · n]` by rows, with bounds without the constants.
     pub(super) rows: Vec<f64>,
-    sides: Vec<(f64, f64)>,
+    pub(super) sides: Vec<(f64, f64)>,
     /// Are all rows linear?
     pub complete: bool,
 }
@@ -75,18 +76,13 @@ impl Branches<'_> {
         Branches::part(p, pairs, bounds, x, false)
     }
 
-    /// The same of a program all of whose rows are linear; nothing for others, nor where to see that takes more than so much work.
+    /// The same of a program all of whose rows are linear; nothing for others.
     pub fn linear<'a>(
         p: &mut dyn Mpcc,
         pairs: &'a [(usize, usize)],
         bounds: &Bounds,
         x: &[f64],
-        work: f64,
     ) -> Option<Branches<'a>> {
-        let entries = (2 * DRAWS * DISTANCES.len() * p.n()) as f64 * (p.m() + p.n()) as f64;
-        if entries > work {
-            return None;
-        }
         Branches::part(p, pairs, bounds, x, true)
     }
 
@@ -105,19 +101,19 @@ impl Branches<'_> {
         let (mut c, mut grad, mut jac) = (vec![0.0; m], vec![0.0; n], vec![0.0; p.jac_pattern().nnz()]);
         p.eval(&base, &mut c).ok()?;
         p.derivatives(&base, &mut grad, &mut jac).ok()?;
-        let mut rows = vec![0.0; m * n];
-        for j in 0..n {
-            for k in p.jac_pattern().range(j) {
-                rows[p.jac_pattern().row_idx()[k] * n + j] += jac[k];
+        // values and sizes of the terms of the rows, by the derivatives at the base
+        let along = |pattern: &Pattern, x: &[f64], values: &mut [(f64, f64)]| {
+            values.fill((0.0, 0.0));
+            for (j, x) in x.iter().enumerate() {
+                for k in pattern.range(j) {
+                    let v = &mut values[pattern.row_idx()[k]];
+                    *v = (v.0 + jac[k] * x, v.1 + (jac[k] * x).abs());
+                }
             }
-        }
-        let along = |i: usize, x: &[f64]| {
-            rows[i * n..][..n]
-                .iter()
-                .zip(x)
-                .fold((0.0, 0.0), |(s, t): (f64, f64), (a, x)| (s + a * x, t + (a * x).abs()))
         };
-        let constants: Vec<f64> = (0..m).map(|i| c[i] - along(i, &base).0).collect();
+        let (mut at, mut there) = (vec![(0.0, 0.0); m], vec![(0.0, 0.0); m]);
+        along(p.jac_pattern(), &base, &mut at);
+        let constants: Vec<f64> = (0..m).map(|i| c[i] - at[i].0).collect();
         let mut linear: Vec<bool> = (0..m).map(|i| constants[i].is_finite()).collect();
         let mut draw = SplitMix64::new(0);
         let mut other = base.clone();
@@ -126,14 +122,20 @@ impl Branches<'_> {
                 let away = distance * base[j].abs().max(1.0) * (2.0 * draw.share() - 1.0);
                 *x = within(base[j] + away, bounds.xl[j], bounds.xu[j]);
             }
+            along(p.jac_pattern(), &other, &mut there);
             p.eval(&other, &mut c).ok()?;
             for i in 0..m {
-                let (value, terms) = along(i, &other);
-                let size = terms + constants[i].abs() + along(i, &base).1;
-                linear[i] &= (c[i] - constants[i] - value).abs() <= LINEAR * size;
+                let size = there[i].1 + constants[i].abs() + at[i].1;
+                linear[i] &= (c[i] - constants[i] - there[i].0).abs() <= LINEAR * size;
             }
             if all && linear.contains(&false) {
                 return None;
+            }
+        }
+        let mut rows = vec![0.0; m * n];
+        for j in 0..n {
+            for k in p.jac_pattern().range(j) {
+                rows[p.jac_pattern().row_idx()[k] * n + j] += jac[k];
             }
         }
         let mut part = Branches {

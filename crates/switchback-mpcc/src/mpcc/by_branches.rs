@@ -2,7 +2,7 @@
 
 use super::branches::Branches;
 use super::certificate::{BStationarity, Doubt};
-use super::exact::{Best, Convex, Minimum};
+use super::exact::{is_worth, Best, Convex, Minimum};
 use super::portfolio::FoundBy;
 use super::problem::Mpcc;
 use super::proposer::ActiveSetProposer;
@@ -11,6 +11,8 @@ use crate::nlp::{Bounds, Control, Outcome};
 
 /// Share of the terms of an objective up to which the solution of a branch is the point that was found in it.
 const SAME: f64 = 1e-7;
+/// Work of complementary pivoting at most, in factorisations: what the path takes.
+const LEMKE: f64 = 20.0;
 
 impl MpccSolver {
     /// Searches the branches of a program whose rows are linear and whose objective is convex and quadratic. Nothing for others.
@@ -19,10 +21,21 @@ impl MpccSolver {
         if work == 0.0 || !self.has_others() || self.is_part {
             return None;
         }
-        let pairs = p.pairs().to_vec();
-        let branches = Branches::linear(p, &pairs, bounds, x0, work)?;
+        let (n, m, pairs) = (p.n(), p.m(), p.pairs().to_vec());
+        // those of a linear complementarity problem, which may take few pivots
+        let square = n == 2 * m && m == pairs.len() && m == p.lifts().len();
+        if !square && !is_worth(n, m, work) {
+            return None;
+        }
+        let branches = Branches::linear(p, &pairs, bounds, x0)?;
         let f = Convex::of(p, &branches, x0)?;
-        Some(branches.minimum(&f, work))
+        if let Some(objective) = f.is_constant() {
+            let least = LEMKE * self.ipm.linear_statistics().work();
+            if let Some(best) = branches.by_pivots(p, objective, least) {
+                return Some(Minimum { last: best.x.clone(), best: Some(best), bound: objective, complete: true });
+            }
+        }
+        is_worth(n, m, work).then(|| branches.minimum(&f, work))
     }
 
     /// Ends at the best point of the branches, if the search has shown that it is the optimum, or at the proof that there is no point;

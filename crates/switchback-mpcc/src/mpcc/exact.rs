@@ -6,11 +6,12 @@
 //! are those of weak duality ([`Proof`]); a branch is left out where its bound is no better than the best point.
 
 use super::branches::{both, goes_on, Branches};
+use super::lemke;
 use super::problem::{Mpcc, Side};
 use super::quadratic::{Proof, Quadratic};
 use super::simplex::{Found, Simplex};
 use crate::linalg::csc::Pattern;
-use crate::nlp::within;
+use crate::nlp::{within, INFINITE};
 use crate::random::SplitMix64;
 
 /// Share of the terms of the objective that a branch has to be better by.
@@ -63,24 +64,24 @@ impl Convex {
         let f0 = p.eval(&base, &mut c).ok()?;
         p.derivatives(&base, &mut grad, &mut jac).ok()?;
         p.hessian(&base, 1.0, &vec![0.0; m], &mut hess).ok()?;
-        let mut q = vec![0.0; n * n];
-        fill(p.hess_pattern(), &hess, &mut q);
-        if q.iter().chain(&grad).any(|v| !v.is_finite()) || !is_semidefinite(n, q.clone()) {
+        let entries = both_triangles(p.hess_pattern(), &hess);
+        if entries.iter().map(|e| e.2).chain(grad.iter().copied()).any(|v| !v.is_finite())
+            || !is_semidefinite(n, &entries)
+        {
             return None;
         }
-        let mut linear = grad.clone();
-        let mut sizes = vec![0.0; n];
-        for i in 0..n {
-            for j in 0..n {
-                linear[i] -= q[i * n + j] * base[j];
-                sizes[i] += (q[i * n + j] * base[j]).abs();
-            }
+        let (mut linear, mut sizes) = (grad.clone(), vec![0.0; n]);
+        for &(i, j, q) in &entries {
+            linear[i] -= q * base[j];
+            sizes[i] += (q * base[j]).abs();
+        }
+        for ((c, size), g) in linear.iter_mut().zip(&sizes).zip(&grad) {
             // what rounding leaves of a derivative that vanishes at the origin
-            if linear[i].abs() <= QUADRATIC * (sizes[i] + grad[i].abs()) {
-                linear[i] = 0.0;
+            if c.abs() <= QUADRATIC * (size + g.abs()) {
+                *c = 0.0;
             }
         }
-        let quadratic = Quadratic::new(&q, linear);
+        let quadratic = Quadratic::new(entries, linear);
         let constant = f0 - quadratic.value(&base);
         let convex = Convex { constant, quadratic };
         let mut draw = SplitMix64::new(1);
@@ -99,6 +100,11 @@ impl Convex {
         Some(convex)
     }
 
+    /// The objective, where it is the same everywhere.
+    pub fn is_constant(&self) -> Option<f64> {
+        self.quadratic.is_zero().then_some(self.constant)
+    }
+
     fn value(&self, x: &[f64]) -> f64 {
         self.constant + self.quadratic.value(x)
     }
@@ -109,29 +115,42 @@ impl Convex {
     }
 }
 
-/// Both triangles of a symmetric matrix from its upper one.
-fn fill(pattern: &Pattern, values: &[f64], out: &mut [f64]) {
-    let n = pattern.n_cols();
-    for j in 0..n {
-        for k in pattern.range(j) {
+/// Entries of both triangles of a symmetric matrix that are not zero, from its upper one.
+fn both_triangles(pattern: &Pattern, values: &[f64]) -> Vec<(usize, usize, f64)> {
+    let mut entries = Vec::new();
+    for j in 0..pattern.n_cols() {
+        for k in pattern.range(j).filter(|k| values[*k] != 0.0) {
             let i = pattern.row_idx()[k];
-            out[i * n + j] = values[k];
-            out[j * n + i] = values[k];
+            entries.push((i, j, values[k]));
+            if i != j {
+                entries.push((j, i, values[k]));
+            }
         }
     }
+    entries
 }
 
-/// Is a symmetric matrix positive semidefinite, up to rounding of entries in units in which its diagonal is one? By elimination, the
-/// largest diagonal first.
-fn is_semidefinite(n: usize, mut a: Vec<f64>) -> bool {
-    let unit: Vec<f64> = (0..n).map(|i| if a[i * (n + 1)] > 0.0 { a[i * (n + 1)].sqrt() } else { 1.0 }).collect();
-    // where a diagonal vanishes its row has to
-    if (0..n).any(|i| a[i * (n + 1)] <= 0.0 && a[i * n..][..n].iter().any(|v| *v != 0.0)) {
+/// Is a symmetric matrix of `n` rows positive semidefinite, up to rounding of entries in units in which its diagonal is one? By
+/// elimination, the largest diagonal first.
+fn is_semidefinite(n: usize, entries: &[(usize, usize, f64)]) -> bool {
+    // the rows that are not zero: where a diagonal vanishes its row has to
+    let mut place = vec![usize::MAX; n];
+    let mut unit = Vec::new();
+    for &(i, _, q) in entries.iter().filter(|e| e.0 == e.1) {
+        place[i] = unit.len();
+        unit.push(q.max(0.0).sqrt());
+    }
+    if entries.iter().any(|e| place[e.0] == usize::MAX || unit[place[e.0]] == 0.0) {
         return false;
     }
-    a.iter_mut().enumerate().for_each(|(k, v)| *v /= unit[k / n] * unit[k % n]);
+    let n = unit.len();
+    let mut a = vec![0.0; n * n];
+    for &(i, j, q) in entries {
+        let (i, j) = (place[i], place[j]);
+        a[i * n + j] = q / (unit[i] * unit[j]);
+    }
     let room = SEMIDEFINITE * n as f64;
-    let mut left: Vec<usize> = (0..n).filter(|i| (0..n).any(|j| a[i * n + j] != 0.0)).collect();
+    let mut left: Vec<usize> = (0..n).collect();
     while let Some(at) = (0..left.len()).max_by(|&i, &j| a[left[i] * (n + 1)].total_cmp(&a[left[j] * (n + 1)])) {
         let i = left.swap_remove(at);
         let pivot = a[i * (n + 1)];
@@ -152,6 +171,9 @@ fn is_semidefinite(n: usize, mut a: Vec<f64>) -> bool {
     }
     true
 }
+
+/// Nodes from which a search is worth its work.
+const FEW: f64 = 4.0;
 
 /// A node: sides that are chosen, and the bound of the node above it.
 struct Node {
@@ -176,7 +198,60 @@ enum Solved {
     Open,
 }
 
+/// Is so much work enough for a few nodes of `n` variables and `m` rows? From nothing one takes as many pivots as there are of both.
+pub(super) fn is_worth(n: usize, m: usize, work: f64) -> bool {
+    let (n, m) = (n as f64, m as f64);
+    FEW * (n + m) * n * (m + 1.0) <= work
+}
+
 impl Branches<'_> {
+    /// The solution of a linear complementarity problem with this objective, which does not depend on it, by complementary pivoting; nothing
+    /// where the program is another one or where that does not end at a solution.
+    pub fn by_pivots(&self, p: &dyn Mpcc, objective: f64, work: f64) -> Option<Best> {
+        let (n, k) = (self.n, self.pairs.len());
+        if n != 2 * k || self.m() != k || p.lifts().len() != k || self.n_groups != k {
+            return None;
+        }
+        // of every pair the variable `z`, the variable that stands for the row, and the row
+        let mut known = vec![None; n];
+        p.lifts().iter().for_each(|&(row, v)| known[v] = Some(row));
+        let triple = |&(a, b): &(usize, usize)| match (known[a], known[b]) {
+            (None, Some(row)) => Some((a, b, row)),
+            (Some(row), None) => Some((b, a, row)),
+            _ => None,
+        };
+        let triples: Vec<(usize, usize, usize)> = self.pairs.iter().map(triple).collect::<Option<_>>()?;
+        let (lower, upper) = (&self.bounds.xl, &self.bounds.xu);
+        if lower.iter().any(|l| *l != 0.0) || upper.iter().any(|u| *u < INFINITE) {
+            return None;
+        }
+        let (mut matrix, mut q) = (vec![0.0; k * k], vec![0.0; k]);
+        for (i, &(_, w, row)) in triples.iter().enumerate() {
+            let a = &self.rows[row * n..][..n];
+            let (lo, hi) = self.sides[row];
+            if lo != hi || a[w] != -1.0 || triples.iter().any(|t| t.1 != w && a[t.1] != 0.0) {
+                return None;
+            }
+            q[i] = -lo;
+            triples.iter().enumerate().for_each(|(j, t)| matrix[i * k + j] = a[t.0]);
+        }
+        let (z, w) = lemke::solve(&matrix, &q, work, &goes_on)?;
+        let mut best = Best {
+            x: vec![0.0; n],
+            sides: Vec::new(),
+            objective,
+            size: objective.abs(),
+            y: vec![0.0; k],
+            z: vec![0.0; n],
+        };
+        for (i, &(at_z, at_w, _)) in triples.iter().enumerate() {
+            (best.x[at_z], best.x[at_w]) = (z[i], w[i]);
+        }
+        let side = |&(a, b): &(usize, usize)| if best.x[a] <= best.x[b] { Side::First } else { Side::Second };
+        best.sides = self.pairs.iter().map(side).collect();
+        Some(best)
+    }
+
     /// The least objective `f` of all branches, by so much work at most, in entries of tableaus. All rows have to be linear.
     pub fn minimum(&self, f: &Convex, work: f64) -> Minimum {
         let mut lp = Simplex::beside(self.n, self.m(), self.rows.clone(), f.quadratic.rows());

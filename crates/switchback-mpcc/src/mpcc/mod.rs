@@ -23,6 +23,7 @@ mod exact;
 mod homotopy;
 mod infeasible;
 mod judge;
+mod lemke;
 mod lifted;
 mod lpcc;
 mod path;

@@ -28,11 +28,9 @@ pub struct Quadratic {
 }
 
 impl Quadratic {
-    /// From the full matrix `q`, `[n · n]`, symmetric and positive semidefinite, and `c[n]`.
-    pub fn new(q: &[f64], c: Vec<f64>) -> Quadratic {
-        let n = c.len();
-        let entries = q.iter().enumerate().filter(|e| *e.1 != 0.0).map(|(k, v)| (k / n, k % n, *v)).collect();
-        Quadratic { n, entries, linear: c }
+    /// From the entries of both triangles of the matrix, which is symmetric and positive semidefinite, and `c[n]`.
+    pub fn new(entries: Vec<(usize, usize, f64)>, c: Vec<f64>) -> Quadratic {
+        Quadratic { n: c.len(), entries, linear: c }
     }
 
     /// The rows of the matrix that are not zero, and the linear terms, `[k · n]` by rows.
@@ -42,6 +40,11 @@ impl Quadratic {
         self.entries.iter().for_each(|&(i, j, q)| full[i * n + j] = q);
         full.extend_from_slice(&self.linear);
         full.chunks(n.max(1)).filter(|row| row.iter().any(|v| *v != 0.0)).flatten().copied().collect()
+    }
+
+    /// Is it zero everywhere?
+    pub fn is_zero(&self) -> bool {
+        self.entries.is_empty() && self.linear.iter().all(|c| *c == 0.0)
     }
 
     /// The value at `x[n]`.
@@ -489,9 +492,7 @@ mod tests {
         for n in [1, 2, 5, 12] {
             for _ in 0..20 {
                 let t: Vec<f64> = (0..n).map(|_| 4.0 * draw.share() - 2.0).collect();
-                let mut q = vec![0.0; n * n];
-                (0..n).for_each(|i| q[i * (n + 1)] = 1.0);
-                let f = Quadratic::new(&q, t.iter().map(|t| -t).collect());
+                let f = Quadratic::new((0..n).map(|i| (i, i, 1.0)).collect(), t.iter().map(|t| -t).collect());
                 let mut lp = Simplex::new(n, 1, vec![1.0; n]);
                 (0..n).for_each(|j| lp.bound(j, 0.0, INF));
                 lp.bound(n, 1.0, 1.0);
@@ -516,7 +517,7 @@ mod tests {
     #[test]
     fn objectives_without_curvature_end_at_bounds_or_fall_for_ever() {
         // (x + y − 3)² − y
-        let f = Quadratic::new(&[2.0, 2.0, 2.0, 2.0], vec![-6.0, -7.0]);
+        let f = Quadratic::new((0..4).map(|k| (k / 2, k % 2, 2.0)).collect(), vec![-6.0, -7.0]);
         let mut lp = Simplex::new(2, 1, vec![1.0, -1.0]);
         let mut proof = Proof::default();
         lp.bound(1, -INF, 10.0);
@@ -546,11 +547,11 @@ mod tests {
         for case in 0..60 {
             let (n, rank) = (4 + case % 5, 1 + case % 4);
             let l: Vec<f64> = (0..rank * n).map(|_| s()).collect();
-            let mut q = vec![0.0; n * n];
-            for (i, j) in (0..n * n).map(|k| (k / n, k % n)) {
-                q[i * n + j] = (0..rank).map(|r| l[r * n + i] * l[r * n + j]).sum();
-            }
-            let f = Quadratic::new(&q, (0..n).map(|_| s()).collect());
+            let entry = |i: usize, j: usize| (0..rank).map(|r| l[r * n + i] * l[r * n + j]).sum();
+            let f = Quadratic::new(
+                (0..n * n).map(|k| (k / n, k % n, entry(k / n, k % n))).collect(),
+                (0..n).map(|_| s()).collect(),
+            );
             let mut a: Vec<f64> = (0..2 * n).map(|_| s()).collect();
             a.extend((0..n).map(|j| a[j] - a[n + j]).collect::<Vec<f64>>());
             let row = |x: &[f64], i: usize| -> f64 { (0..n).map(|j| a[i * n + j] * x[j]).sum() };
