@@ -14,18 +14,29 @@ mod program;
 use switchback_mpcc::mpcc::{BStationarity, FoundBy, Lifted, Mpcc, MpccSettings, MpccSolver, Solution};
 use switchback_mpcc::nlp::{Control, Nlp, Outcome};
 
-use draw::{complementarity, draw};
+use draw::{complementarity, draw, in_units};
 use enumerate::enumerate;
 
 /// The solution of a drawn program, and the least objective of its branches.
 fn solve(kind: &str, seed: u64, settings: MpccSettings) -> (Solution, f64) {
+    solve_in(kind, seed, 0, settings)
+}
+
+/// The same in drawn units of so many digits; objectives are those of the program as it was drawn.
+fn solve_in(kind: &str, seed: u64, digits: i32, settings: MpccSettings) -> (Solution, f64) {
     let program = draw(kind, seed);
     let mut p = Lifted::new(program.clone(), &program.pairs).unwrap();
     let bounds = p.bounds(&program.bounds).unwrap();
     let least = if p.pairs().len() <= 9 { enumerate(&program, &mut p, &bounds) } else { f64::NAN };
+    let (program, unit) = in_units(program, digits, seed);
+    let mut p = Lifted::new(program.clone(), &program.pairs).unwrap();
+    let bounds = p.bounds(&program.bounds).unwrap();
     let x0 = p.start(&program.x0);
     let mut solver = MpccSolver::new(&mut p, settings).unwrap();
-    (solver.solve(&mut p, &bounds, &x0, &mut Control::default()).clone(), least)
+    let mut s = solver.solve(&mut p, &bounds, &x0, &mut Control::default()).clone();
+    s.objective /= unit;
+    s.certificate.bound = s.certificate.bound.map(|b| b / unit);
+    (s, least)
 }
 
 #[test]
@@ -52,6 +63,26 @@ fn bounds_are_those_of_an_enumeration() {
         }
     }
     assert!(global > 20 && empty > 0, "{global} {empty}");
+}
+
+/// In units from a millionth to a million of everything bounds are not above the optimum.
+#[test]
+fn mixed_units_falsify_no_bound() {
+    let mut global = 0;
+    for kind in ["lpcc", "sparse", "friction", "obstacle"] {
+        for seed in 20..25 {
+            let (s, least) = solve_in(kind, seed, 6, MpccSettings::default());
+            let room = 1e-6 * least.abs().max(1.0);
+            match s.certificate.bound {
+                Some(bound) if !least.is_nan() => {
+                    assert!(bound <= least + room, "{kind} {seed}: bound {bound}, enumerated {least}");
+                    global += usize::from(s.objective <= least + room && bound >= least - room);
+                }
+                _ => assert!(least.is_nan() || least.is_infinite(), "{kind} {seed}: {:?}", s.outcome),
+            }
+        }
+    }
+    assert!(global > 10, "{global}");
 }
 
 /// A search that ends early proves a bound that is not above any point, and costs no answer.

@@ -418,3 +418,13 @@ pub fn complementarity(kind: &str, n: usize, seed: u64) -> Program {
     p.x0.fill(1.0);
     p.finish()
 }
+
+/// The program in drawn decimal units, and that of the objective.
+pub fn in_units(program: Program, digits: i32, seed: u64) -> (Program, f64) {
+    let mut draw = SplitMix64::new(seed ^ 0x5eed);
+    let mut unit = || 10f64.powi((f64::from(2 * digits + 1) * draw.share()) as i32 - digits);
+    let objective = unit();
+    let rows: Vec<f64> = program.rows.iter().map(|_| unit()).collect();
+    let variables: Vec<f64> = program.x0.iter().map(|_| unit()).collect();
+    (program.in_units(objective, &rows, &variables), objective)
+}

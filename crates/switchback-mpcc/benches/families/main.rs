@@ -32,12 +32,10 @@ use std::io::Write as _;
 use switchback_mpcc::mpcc::simplex::Found;
 use switchback_mpcc::mpcc::{BStationarity, Lifted, Mpcc, MpccSettings, MpccSolver, Solution};
 use switchback_mpcc::nlp::{Bounds, Control, Nlp, Outcome, INFINITE};
-use switchback_mpcc::random::SplitMix64;
 use switchback_mpcc::settings::Portfolio;
 
-use draw::{complementarity, draw, COMPLEMENTARITY, KINDS};
+use draw::{complementarity, draw, in_units, COMPLEMENTARITY, KINDS};
 use enumerate::{enumerate, holds, linear_rows, Lift};
-use program::Program;
 
 /// Violation of rows, bounds and pairs of a point that is one, relative to bounds above one.
 const MET: f64 = 1e-6;
@@ -168,16 +166,6 @@ fn run_complementarity(args: &[String]) {
             );
         }
     }
-}
-
-/// The program in drawn decimal units, and that of the objective.
-fn in_units(program: Program, digits: i32, seed: u64) -> (Program, f64) {
-    let mut draw = SplitMix64::new(seed ^ 0x5eed);
-    let mut unit = || 10f64.powi((f64::from(2 * digits + 1) * draw.share()) as i32 - digits);
-    let objective = unit();
-    let rows: Vec<f64> = program.rows.iter().map(|_| unit()).collect();
-    let variables: Vec<f64> = program.x0.iter().map(|_| unit()).collect();
-    (program.in_units(objective, &rows, &variables), objective)
 }
 
 /// Processor seconds of this thread.
