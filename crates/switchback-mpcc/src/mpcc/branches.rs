@@ -17,7 +17,7 @@ use crate::stop;
 /// Distances of the points at which rows are compared with their linearisation, relative to sizes of variables above one, and how
 /// many points at each.
 pub(super) const DISTANCES: [f64; 4] = [1e-3, 1.0, 1e3, 1e6];
-const DRAWS: usize = 3;
+pub(super) const DRAWS: usize = 3;
 /// What a linear row may differ from it by, relative to its terms: rounding.
 const LINEAR: f64 = 1e-12;
 /// Entries of tableaus of a search: a second at most.

@@ -5,7 +5,7 @@
 //! quadratic objectives). The tree is searched depth first, so that a tableau serves one node after the other with few pivots. Bounds
 //! are those of weak duality ([`Proof`]); a branch is left out where its bound is no better than the best point.
 
-use super::branches::{both, goes_on, Branches};
+use super::branches::{both, goes_on, Branches, DISTANCES, DRAWS};
 use super::lemke;
 use super::problem::{Mpcc, Side};
 use super::quadratic::{Proof, Quadratic};
@@ -86,7 +86,7 @@ impl Convex {
         let convex = Convex { constant, quadratic };
         let mut draw = SplitMix64::new(1);
         let mut other = base.clone();
-        for distance in super::branches::DISTANCES {
+        for distance in DISTANCES.iter().flat_map(|d| [*d; DRAWS]) {
             for (j, x) in other.iter_mut().enumerate() {
                 let away = distance * base[j].abs().max(1.0) * (2.0 * draw.share() - 1.0);
                 *x = within(base[j] + away, branches.bounds.xl[j], branches.bounds.xu[j]);
