@@ -24,7 +24,7 @@ fn solve(kind: &str, seed: u64, settings: MpccSettings) -> (Solution, f64) {
 
 /// The same in drawn units of so many digits; objectives are those of the program as it was drawn.
 fn solve_in(kind: &str, seed: u64, digits: i32, settings: MpccSettings) -> (Solution, f64) {
-    let program = draw(kind, seed);
+    let program = draw(kind, seed, None);
     let mut p = Lifted::new(program.clone(), &program.pairs).unwrap();
     let bounds = p.bounds(&program.bounds).unwrap();
     let least = if p.pairs().len() <= 9 { enumerate(&program, &mut p, &bounds) } else { f64::NAN };

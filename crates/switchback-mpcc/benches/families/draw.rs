@@ -61,12 +61,13 @@ fn along(mut e: Expr, a: &[f64], first: usize) -> Expr {
     e
 }
 
-/// The program of this kind and seed: 4 to 12 pairs, more often few.
-pub fn draw(kind: &str, seed: u64) -> Program {
+/// The program of this kind and seed: 4 to 12 pairs, more often few, or so many; at most 8 where branches are not convex and enumerations take long.
+pub fn draw(kind: &str, seed: u64, pairs: Option<usize>) -> Program {
     let number = KINDS.iter().position(|k| *k == kind).unwrap_or(0) as u64;
     let mut d = Draw(SplitMix64::new(seed.wrapping_mul(64).wrapping_add(number)));
     d.0.share();
-    let k = 4 + (9.0 * d.0.share().powf(1.5)) as usize;
+    let drawn = 4 + (9.0 * d.0.share().powf(1.5)) as usize;
+    let k = pairs.unwrap_or(drawn);
     match kind {
         "lpcc" => linear(&mut d, k),
         "qpcc" => pairs_alone(&mut d, k),
