@@ -14,16 +14,17 @@
 //! higher order, values that are zero to rounding behind an event, a transition that happens twice at one time, and sources whose intervals shrink.
 
 use super::accumulation::rest_of_series;
-use super::control::ACCURATE;
+use super::control::{Cut, ACCURATE};
 use super::notes::find_zeros;
-use super::{recover, Engine, Progress, EPS};
+use super::worth::Way;
+use super::{recover, Engine, Progress, Statistics, EPS};
 use crate::error::Result;
 use crate::event::bernstein::{self, First, NODES};
 use crate::event::calendar::{Crossing, Entry, UnitEvents, Units};
 use crate::event::explicit::{self, Flow, Pair};
 use crate::event::field::{Owner, Row, SLIDES};
 use crate::event::step::{derivative, Poly};
-use crate::event::{Jump, Kind, Outcome, Switch};
+use crate::event::{Jump, Kind, Method, Outcome, Switch};
 use crate::func::EvalError;
 
 /// The part of all states that may be integrated anew for one event: else the step of all of them ends there.
@@ -52,10 +53,27 @@ impl Engine {
     /// May events in this step be left to the units?
     fn goes_by_units(&self) -> bool {
         self.calendar.within_steps
+            && self.calendar.worth.way() == Way::Units
             && !self.stepper.step_implicit
             && self.derivatives.sens.is_none()
             && self.derivatives.tape.is_none()
             && !self.field.in_limit_set()
+    }
+
+    /// The step has ended: what has it cost?
+    pub(super) fn note_work(&mut self) {
+        let Some(c) = &self.calendar.units else { return };
+        let work = self.field.counts.values * self.nx + c.rows;
+        let step = self.stepper.pair.rows().0.len() * self.nx;
+        let Statistics { switches, jumps, .. } = self.log.stats;
+        let before = self.calendar.worth.way();
+        self.calendar.worth.note(work, switches + jumps, step);
+        if self.calendar.worth.way() != before && self.options.method == Method::Auto && !self.stepper.implicit {
+            // what it would come to after some steps, see [`Engine::note_end`]
+            let usual = self.stepper.usual_pair;
+            let short = before == Way::Units && usual == Pair::Dop853;
+            (self.stepper.next_pair, self.stepper.cut) = (if short { Pair::Dp5 } else { usual }, Cut::default());
+        }
     }
 
     /// Follows what happens in the step to its end `t1`, unit by unit; `grown` is the length of the next one.
