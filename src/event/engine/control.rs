@@ -192,7 +192,7 @@ impl Engine {
         Ok(())
     }
 
-    /// A step has ended, at a switch or where the error let it. Where one step after the other is cut short by a switch, the
+    /// A step has ended, at a switch or where the error let it. Where most steps are cut short by a switch, the
     /// pair of high order has nothing to do with the accuracy that it pays for: the pair of order 5 takes over, whose steps
     /// cost half as much and whose dense output costs nothing, until it makes more than two steps for one switch. Where
     /// evaluations cost much and steps are so short that order 3 is accurate enough too, that pair takes over in the same way,
@@ -213,7 +213,7 @@ impl Engine {
             true => (*short, *long) = (*short + 1, long.saturating_sub(2)),
             false => (*short, *long, *asked) = (0, *long + 1, 0),
         }
-        let (often, seldom) = (*short >= PATIENCE, *long >= PATIENCE);
+        let (often, seldom) = (self.foresight.mostly_switches(), *long >= PATIENCE);
         let next = match self.stepper.pair {
             Pair::Dop853 if often => Pair::Dp5,
             Pair::Dp5 if seldom && self.stepper.usual_pair == Pair::Dop853 => Pair::Dop853,

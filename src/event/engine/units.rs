@@ -545,8 +545,8 @@ impl Engine {
         c.needed += self.stepper.pair.rows().0.len() * states.iter().filter(|i| moved(i)).count();
         let source = c.fired.first().map_or(e.source, |g| self.field.guards.all[*g as usize].q);
         states.extend(c.take_reach(source));
-        // one that costs more than a step of all states is left to that
-        let most = c.spent + self.nx * self.stepper.pair.rows().0.len();
+        // else it ends the step, part of which is made again
+        let most = c.spent + 2 * self.nx * self.stepper.pair.rows().0.len();
         let mark = c.mark();
         loop {
             states.sort_unstable();
