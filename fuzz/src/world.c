@@ -230,6 +230,10 @@ static void heater(const swb_settings *s)
     pool_add(T_swb_integrator, it);
     DO(swb_integrator_reinit, it, 0.0, start, 2);
     DO(swb_integrator_advance, it, 2.0, &outcome);
+    /* no system is made of it any more: the same state counts for all of them */
+    DO(swb_model_add_clock, model, graph, 0.5, 0.1, 1, &x_, 1, &raised, 1, NULL, 0, NULL, 0, NULL);
+    DO(swb_model_add_times, model, graph, numbers, 1, 1, &x_, 1, &raised, 1, NULL, 0, NULL, 0, NULL);
+    DO(swb_model_add_pwm, model, graph, c[0], 1.0, 0.0, 1, 0, NULL);
 }
 
 /* A scene in numerical time. */

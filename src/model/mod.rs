@@ -11,6 +11,7 @@
 
 pub(crate) mod bounds;
 mod cells;
+mod clock;
 mod certificate;
 mod combined;
 mod on_demand;
@@ -23,6 +24,7 @@ mod transition;
 
 pub use report::{Counts, Group, Note, NoteKind, Report};
 pub use saved::SavedModel;
+pub use clock::{Clock, Pwm, Strikes};
 pub use transition::Transition;
 
 pub(crate) use saved::{SavedDirection, SavedRule, SavedValue};

@@ -21,6 +21,9 @@ const LOOK: usize = 4;
 const MILD_STEPS: usize = 8;
 const MILD: f64 = 0.25;
 
+/// Part of the stability of a pair above which its dense output may show what the pair does and not the solution.
+const NEAR: f64 = 0.2;
+
 /// A move of so much of the tolerance leaves the derivative as it is.
 pub(super) const UNSEEN: f64 = 1e-3;
 
@@ -474,11 +477,31 @@ impl Engine {
         }
     }
 
+    /// What the dense output of a step that is to be accepted is off by, relative to the tolerances, where somebody is to see it and the step is near the limit of the
+    /// stability of its pair. The error of the end says nothing about it there.
+    pub(super) fn error_seen_inside(&mut self, t1: f64) -> Result<f64> {
+        if self.stepper.step_implicit
+            || self.log.path.is_none() && !self.log.sampled.are_wanted(t1)
+            || self.field.is_explicit_only()
+            || self.field.in_limit_set()
+        {
+            return Ok(0.0);
+        }
+        let (pair, weights) = (self.stepper.pair, &self.stepper.weights);
+        if explicit::stiffness(pair, &self.stepper.step, weights).0 <= NEAR * pair.stability() {
+            return Ok(0.0);
+        }
+        let r = self.write_dense();
+        if !recover(r.map(|()| true), false)? {
+            return Ok(0.0);
+        }
+        self.error_inside()
+    }
+
     /// No step ends at the zero that the dense output of an explicit pair had. Where the step was near the limit of the
     /// stability of the pair, that output shows what the pair does and not the solution.
     pub(super) fn note_failed_landing(&mut self) {
-        /// Part of the stability, and how many steps that look stiff it is worth.
-        const NEAR: f64 = 0.2;
+        /// How many steps that look stiff it is worth.
         const WORTH: usize = 4;
         if self.stepper.implicit
             || self.options.method != Method::Auto

@@ -2,17 +2,22 @@
 
 use super::{recover, Engine};
 use crate::error::Result;
+use crate::event::explicit::Pair;
 use crate::event::watch::Watch;
 use crate::event::Method;
 
 /// How far beyond the guess of a switch steps go that are to end there.
 const MARGIN: f64 = 1.05;
 
-/// Which steps are worth a look ahead, and what it sees.
+/// What is known of the next switch, and how good such guesses were.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Foresight {
     /// Share of the last steps that ended at a switch.
     share: f64,
+    /// What vanishes next by its source, from when on that was expected, and after which time.
+    expected: Option<(usize, f64, f64)>,
+    /// Of every source the part of the expected time after which it vanished the last time.
+    late: Vec<f64>,
     /// Ends the present step a little behind where a switch is expected?
     pub(super) foreseen: bool,
     /// Algebraic variables at the point that is looked at.
@@ -20,14 +25,15 @@ pub(super) struct Foresight {
 }
 
 impl Foresight {
-    /// With so many algebraic variables at most.
-    pub(super) fn new(most: usize) -> Foresight {
-        Foresight { ahead: Vec::with_capacity(most), ..Foresight::default() }
+    /// Of so many sources, with so many algebraic variables at most.
+    pub(super) fn new(sources: usize, most: usize) -> Foresight {
+        Foresight { late: vec![1.0; sources], ahead: Vec::with_capacity(most), ..Foresight::default() }
     }
 
     /// Another run begins.
     pub(super) fn reset(&mut self) {
-        (self.share, self.foreseen) = (0.0, false);
+        (self.share, self.expected, self.foreseen) = (0.0, None, false);
+        self.late.fill(1.0);
     }
 
     /// A step has ended, at a switch or where the error let it.
@@ -46,6 +52,15 @@ impl Foresight {
     fn pays(&self, stages: usize) -> bool {
         self.share * stages as f64 > 1.0
     }
+
+    /// This source vanishes at time `t`: how late is that compared with what was expected?
+    pub(super) fn note_late(&mut self, source: usize, t: f64) {
+        /// Where it is more than that, expectations mean nothing.
+        const MOST: f64 = 2.0;
+        if let Some((_, from, time)) = self.expected.take().filter(|e| e.0 == source) {
+            self.late[source] = ((t - from) / time).clamp(1.0 / MOST, MOST);
+        }
+    }
 }
 
 impl Engine {
@@ -54,9 +69,12 @@ impl Engine {
         self.foresight.pays(self.stepper.pair.rows().0.len()) && self.may_end_inside() && self.sharpness() == 1.0
     }
 
-    /// May steps end on their dense output? Contacts are held at the ends of steps.
+    /// May steps end on their dense output? Contacts are held at the ends of steps, and derivatives follow the dense output of the pairs whose
+    /// stages it needs no others for.
     pub(super) fn may_end_inside(&self) -> bool {
-        !self.stepper.implicit
+        let derives = self.derivatives.sens.is_some() || self.derivatives.tape.is_some();
+        !(derives && self.stepper.pair == Pair::Dop853)
+            && !self.stepper.implicit
             && self.options.method == Method::Auto
             && !self.field.has_contacts()
             && !self.field.in_limit_set()
@@ -66,13 +84,14 @@ impl Engine {
     ///
     /// The velocity at one more point says how the rates of what is watched change. Within a mode that is the start of the last step. Behind a switch it is
     /// one ahead: at two thirds of the time, where its weight is three quarters, that makes the time accurate to second order for functions that are
-    /// straight (A. Ralston, *Runge-Kutta methods with minimum error bounds*, Math. Comp. 16 (1962)). What would come long before that point
-    /// is not believed: that is what a fast transient looks like.
+    /// straight (A. Ralston, *Runge-Kutta methods with minimum error bounds*, Math. Comp. 16 (1962)). What is left is much the same as the
+    /// last time, where modes come back. What would come long before that point is not believed: that is what a fast transient looks like.
     pub(super) fn time_to_switch(&mut self) -> Result<f64> {
         const POINT: f64 = 2.0 / 3.0;
         const LONG: f64 = 4.0;
+        self.foresight.expected = None;
         let by = if self.stepper.fresh {
-            let by = POINT * self.soonest(None).min(self.stepper.h);
+            let by = POINT * self.soonest(None).1.min(self.stepper.h);
             if !self.look_at(by)? {
                 return Ok(f64::INFINITY);
             }
@@ -83,8 +102,12 @@ impl Engine {
             self.foresight.ahead.extend_from_slice(&self.stepper.alpha_end);
             -self.stepper.step.h
         };
-        let time = self.soonest(Some(by));
-        Ok(if LONG * time <= by { f64::INFINITY } else { MARGIN * time })
+        let (source, time) = self.soonest(Some(by));
+        if LONG * time <= by || time.is_infinite() {
+            return Ok(f64::INFINITY);
+        }
+        self.foresight.expected = Some((source, self.t, time));
+        Ok(MARGIN * self.foresight.late[source] * time)
     }
 
     /// Evaluates the velocity along a straight line after this time. False where it is not defined.
@@ -100,9 +123,11 @@ impl Engine {
         recover(r.map(|()| true), false)
     }
 
-    /// After which time something vanishes first; where the velocity is known at one more point, so much later, rates change linearly.
-    fn soonest(&self, point: Option<f64>) -> f64 {
-        let (dq, field, mut least) = (&self.functions.dq0, &self.field, f64::INFINITY);
+    /// What vanishes first, and after which time; where the velocity is known at one more point, so much later, rates change linearly, and how late a
+    /// source was the last time counts.
+    fn soonest(&self, point: Option<f64>) -> (usize, f64) {
+        let mut least = (f64::INFINITY, 0, f64::INFINITY);
+        let (dq, field) = (&self.functions.dq0, &self.field);
         for (l, w) in self.functions.watches.iter().enumerate().filter(|(l, _)| self.functions.depart[*l] == 0) {
             let value = self.functions.w0[l];
             let (rate, bend) = match (*w, point) {
@@ -115,9 +140,13 @@ impl Engine {
                 }
                 _ => (w.rate(dq, field, &self.f), 0.0),
             };
-            least = least.min(first_zero(value, rate, bend));
+            let (source, time) = (self.source(w), first_zero(value, rate, bend));
+            let usual = point.map_or(1.0, |_| self.foresight.late[source]) * time;
+            if usual < least.0 {
+                least = (usual, source, time);
+            }
         }
-        least
+        (least.1, least.2)
     }
 }
 
@@ -164,7 +193,7 @@ mod tests {
     /// With six stages it pays from the second switch in a row on, and for some steps behind them; with twelve from the first.
     #[test]
     fn a_look_ahead_pays_where_steps_are_often_cut_short() {
-        let mut f = Foresight::new(0);
+        let mut f = Foresight::new(1, 0);
         assert!(!f.pays(12));
         f.note_end(true);
         assert!(!f.pays(6) && f.pays(12));
@@ -181,5 +210,19 @@ mod tests {
             pays += usize::from(f.pays(6));
         }
         assert!((200..400).contains(&pays), "{pays}");
+    }
+
+    #[test]
+    fn lateness_is_that_of_what_was_expected() {
+        let mut f = Foresight::new(2, 0);
+        f.expected = Some((1, 2.0, 0.5));
+        f.note_late(0, 2.6);
+        assert_eq!(f.late, [1.0, 1.0]);
+        f.expected = Some((1, 2.0, 0.5));
+        f.note_late(1, 2.6);
+        assert!((f.late[1] - 1.2).abs() < 1e-12);
+        f.expected = Some((1, 2.0, 0.5));
+        f.note_late(1, 12.6);
+        assert_eq!(f.late[1], 2.0);
     }
 }

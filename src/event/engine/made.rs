@@ -127,7 +127,7 @@ impl Engine {
                 fresh: true,
                 slid: 0,
             },
-            foresight: Foresight::new(most),
+            foresight: Foresight::new(n_w, most),
             functions: EventFunctions {
                 sampler: Sampler::new(),
                 samples: vec![[0.0; NODES]; n_w],

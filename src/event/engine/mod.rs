@@ -559,6 +559,13 @@ impl Engine {
                     let grown = self.grown(err.max(self.stepper.coarse), rejected);
                     match found {
                         Some(Found::Nothing) => {
+                            let inside = self.error_seen_inside(t1)?;
+                            if inside > 1.0 {
+                                let factor = self.shrunk(inside);
+                                self.reject(&mut rejected, factor);
+                                continue;
+                            }
+                            let grown = if inside > 0.0 { grown.min(self.grown(inside, rejected)) } else { grown };
                             self.stepper.err_before = err.max(1e-4);
                             self.note_first_step(grown, rejected);
                             self.accept(t1)?;

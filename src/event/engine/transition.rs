@@ -370,6 +370,7 @@ impl Engine {
 
     /// Switches at the present point, where watch `l` vanishes.
     pub(super) fn switch(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
+        self.foresight.note_late(self.source(&self.functions.watches[l]), self.t);
         self.note_levels(l);
         match self.functions.watches[l] {
             Watch::Guard { .. } => return self.jump(l, slope, grown),

@@ -104,7 +104,7 @@ impl Engine {
     }
 
     /// Error of the dense output of the step, on which events are located, relative to the tolerances.
-    fn error_inside(&mut self) -> Result<f64> {
+    pub(super) fn error_inside(&mut self) -> Result<f64> {
         let r = explicit::error_inside(&mut self.field, &mut self.stepper.step, &self.stepper.weights);
         // the weights are those at the end again
         let n_alg = self.stepper.alpha_end.len();

@@ -9,12 +9,13 @@
 
     jax.grad(loss)(p)
 
-Works under `jit`, `grad` and `vmap`, which simulates on several threads; gradients of many are made one after the other. Numbers have the precision of `x0`: without x64 that is
+Works under `jit`, `grad` and `vmap`, which simulates and differentiates on several threads. Numbers have the precision of `x0`: without x64 that is
 single precision. Needs JAX: pip install jax.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -41,18 +42,23 @@ def simulate(
     result = jax.ShapeDtypeStruct(flow.shape, kind)
     places = tuple(jax.ShapeDtypeStruct(v.shape, kind) for v in inputs)
 
+    def rows(dims: int, *given: Any) -> tuple[tuple[int, ...], list[Any]]:
+        """Under vmap there are dimensions before the own ones, which the first array has `dims` of; of length one where an array has none. All of them, and
+        the arrays with one in their place."""
+        own = [dims] + [1] * (len(given) - 1)
+        many = numpy.broadcast_shapes(*(numpy.shape(v)[: numpy.ndim(v) - k] for v, k in zip(given, own)))
+        shapes = [numpy.shape(v)[numpy.ndim(v) - k :] for v, k in zip(given, own)]
+        return many, [numpy.broadcast_to(v, (*many, *s)).reshape((math.prod(many), *s)) for v, s in zip(given, shapes)]
+
     def run(*given: Any) -> Any:
-        shapes = [numpy.shape(v)[:-1] for v in given]
-        if not any(shapes):
-            return numpy.asarray(flow(*given), dtype=kind)
-        # under vmap: dimensions in front, of length one where an input has none of its own
-        many = numpy.broadcast_shapes(*shapes)
-        flat = [numpy.broadcast_to(v, (*many, numpy.shape(v)[-1])).reshape(-1, numpy.shape(v)[-1]) for v in given]
-        return numpy.asarray(flow.several(*flat), dtype=kind).reshape((*many, *flow.shape))
+        many, flat = rows(1, *given)
+        values = flow.several(*flat) if many else flow(*given)
+        return numpy.asarray(values, dtype=kind).reshape((*many, *flow.shape))
 
     def back(weights: Any, *given: Any) -> Any:
-        parts = flow.gradient(weights, *given)
-        return tuple(numpy.asarray(g, dtype=kind).reshape(place.shape) for g, place in zip(parts, places))
+        many, flat = rows(len(flow.shape), weights, *given)
+        parts = flow.gradients(*flat) if many else flow.gradient(weights, *given)
+        return tuple(numpy.asarray(g, dtype=kind).reshape((*many, *place.shape)) for g, place in zip(parts, places))
 
     @jax.custom_vjp
     def end(*given: Any) -> Any:
@@ -62,7 +68,7 @@ def simulate(
         return end(*given), given
 
     def backward(given: Any, weights: Any) -> Any:
-        return jax.pure_callback(back, places, weights, *given, vmap_method="sequential")
+        return jax.pure_callback(back, places, weights, *given, vmap_method="expand_dims")
 
     end.defvjp(forward, backward)
     return end(*inputs)
