@@ -481,7 +481,14 @@ fn units_do_not_matter() {
     }
 }
 
-fn clocked(nx: usize, discrete: usize, rhs: &[switchback::expr::Expr], add: impl Fn(&mut Model), graph: &Graph, end: f64) -> Vec<f64> {
+fn clocked(
+    nx: usize,
+    discrete: usize,
+    rhs: &[switchback::expr::Expr],
+    add: impl Fn(&mut Model),
+    graph: &Graph,
+    end: f64,
+) -> Vec<f64> {
     let mut m = Model::from_rhs("clocked", 0, 0, rhs).unwrap();
     m.set_discrete(&vec![0.0; discrete]).unwrap();
     add(&mut m);

@@ -72,7 +72,9 @@ impl Clock {
             Strikes::At(times) => {
                 finite("time of a clock", times, times.len())?;
                 if times.is_empty() || times.windows(2).any(|w| w[0] >= w[1]) {
-                    return Err(Error::Range("the times of a clock must increase, and there must be one at least".into()));
+                    return Err(Error::Range(
+                        "the times of a clock must increase, and there must be one at least".into(),
+                    ));
                 }
                 let all = times.iter().enumerate().map(|(k, &at)| {
                     let at = dag.constant(at);
@@ -90,7 +92,9 @@ impl Clock {
 fn is_state(i: usize, nx: usize) -> Result<()> {
     match i < nx {
         true => Ok(()),
-        false => Err(Error::Range(format!("the clock counts in state {i}, but there are {nx}: add a discrete state for it"))),
+        false => {
+            Err(Error::Range(format!("the clock counts in state {i}, but there are {nx}: add a discrete state for it")))
+        }
     }
 }
 

@@ -11,8 +11,8 @@
 
 pub(crate) mod bounds;
 mod cells;
-mod clock;
 mod certificate;
+mod clock;
 mod combined;
 mod on_demand;
 mod reach;
@@ -22,9 +22,9 @@ mod signs;
 mod simplex;
 mod transition;
 
+pub use clock::{Clock, Pwm, Strikes};
 pub use report::{Counts, Group, Note, NoteKind, Report};
 pub use saved::SavedModel;
-pub use clock::{Clock, Pwm, Strikes};
 pub use transition::Transition;
 
 pub(crate) use saved::{SavedDirection, SavedRule, SavedValue};
