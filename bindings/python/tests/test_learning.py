@@ -60,6 +60,19 @@ def test_many_flows_are_single_ones():
         Flow(swb.System(1, f0=lambda x: [x[0] ** 2]), 2.0, None, {}).several([[0.1], [1.0]], np.empty((2, 0)), np.empty((2, 0)))
 
 
+def test_gradients_of_many_are_those_of_single_ones():
+    flow = Flow(spring(), T, None, OPTIONS)
+    x0, p, w = np.array([X0, 2 * X0, -X0]), np.array([P, 1.1 * P, 0.9 * P]), np.array([[1.0, 2.0], [0.5, -1.0], [0.0, 1.0]])
+    each = [flow.gradient(*one, U) for one in zip(w, x0, p)]
+    for found, exact in zip(flow.gradients(w, x0, p, np.tile(U, (3, 1))), zip(*each)):
+        assert np.array_equal(found, exact)
+    assert len(flow._free) >= 1  # simulations that are not asked any more serve the next ones
+    slow = Flow(swb.System(1, f0=lambda x: [-x[0]]), 1.0, None, OPTIONS)  # Python is called by one thread
+    assert slow.gradients([[1.0], [2.0]], [[1.0], [1.0]], np.empty((2, 0)), np.empty((2, 0))).x0.ravel() == pytest.approx(
+        [np.exp(-1), 2 * np.exp(-1)]
+    )
+
+
 def test_a_flow_ends_at_an_event():
     m = Model(states="y v", parameters="c")
     m.derivatives = [m.v, m.c * m.v**2 - 9.81]
@@ -118,6 +131,10 @@ def test_jax():
     assert nested.shape == (2, 2) and nested[1, 1] == pytest.approx(float(both[1]), rel=1e-12)
     gradients = jax.vmap(jax.grad(lambda x: loss(x, P, U)))(np.array([X0, 2 * X0]))
     assert np.allclose(gradients[0], wanted.x0, rtol=1e-10, atol=1e-10)
+    alone = Model(states="level", parameters="k")
+    alone.derivatives = [-alone.k * alone.level]
+    decay = jax.vmap(jax.grad(lambda k: swb.jax.simulate(alone, [1.0], 1.0, p=k, **OPTIONS).sum()))(np.array([[1.0], [2.0]]))
+    assert decay.ravel() == pytest.approx([-np.exp(-1), -np.exp(-2)])  # without controls
     inside = swb.jax.simulate(model, X0, T, p=P, u=U, at=AT, **OPTIONS)
     assert np.allclose(inside, Flow(model, T, AT, OPTIONS)(X0, P, U), rtol=1e-12)
 
