@@ -32,7 +32,11 @@ fn ball(stops: bool) -> Built {
     let guard = (y - 0.1 * g.p(1) * (1.0 + (2.0 * g.t()).sin())).id();
     if stops {
         let rule = Rule::event("down", Effect::Stop);
-        m.add_transition(Transition { direction: Direction::Falling, rule, ..Transition::event("down", Effect::Stop, guard) });
+        m.add_transition(Transition {
+            direction: Direction::Falling,
+            rule,
+            ..Transition::event("down", Effect::Stop, guard)
+        });
     } else {
         let reset = vec![(1, (-0.8 * v + 0.1 * g.p(1) * v * v + 0.05 * g.t()).id())];
         let (from, to, rule) = (vec![], vec![], Rule::default());
@@ -91,7 +95,8 @@ fn check(name: &str, b: &Built, data: &Data, end: f64, events: usize) {
     for d in &directions {
         let Along { gradient, derivative, state } = e.adjoint_along(&v, d).unwrap();
         let own = e.adjoint(&v, &[]).unwrap();
-        let off = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
+        let off =
+            |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
         assert!(off(&flat(&gradient), &flat(&own)) < 1e-12, "{name}");
         let exact = differences(b, data, end, &v, d);
         let found = flat(&derivative);

@@ -99,6 +99,27 @@ def test_derivatives_in_a_direction():
         run.jvp(p=[1.0])
 
 
+def test_the_derivative_of_a_gradient_is_that_of_differences():
+    flow, weights = Flow(spring(), T, None, OPTIONS), np.array([1.0, -2.0])
+    turn, h = (np.array([0.3, -0.2]), np.array([0.1, 0.05]), np.array([0.2])), 1e-4
+    found, state = flow.curvature(weights, turn, X0, P, U)
+    at = lambda by: [v + by * h * d for v, d in zip((X0, P, U), turn)]
+    a, b, c, d = (np.concatenate(flow.gradient(weights, *at(by))) for by in (-2, -1, 1, 2))
+    assert np.concatenate(found) == pytest.approx((a - 8 * b + 8 * c - d) / (12 * h), rel=1e-6, abs=1e-6)
+    assert state == pytest.approx((flow(*at(1)) - flow(*at(-1))) / (2 * h), rel=1e-6, abs=1e-7)
+    with pytest.raises(swb.ArgumentError, match="leave out at"):
+        Flow(spring(), T, AT, OPTIONS).curvature(weights, turn, X0, P, U)
+    with swb.Integrator(spring(), adjoint=1, method="radau5", **OPTIONS) as i:
+        i.set_params(P)
+        i.set_controls(U)
+        i.reinit(X0)
+        i.advance(0.1)
+        with pytest.raises(swb.UnsupportedError, match="implicit"):
+            i.hvp(weights, x0=[1.0, 0.0])
+        with pytest.raises(swb.DimensionError):
+            i.hvp([1.0])
+
+
 def test_flows_refuse():
     with pytest.raises(swb.RangeError, match="rising times"):
         Flow(spring(), T, [2.0, 1.0], {})
@@ -135,6 +156,13 @@ def test_jax():
     alone.derivatives = [-alone.k * alone.level]
     decay = jax.vmap(jax.grad(lambda k: swb.jax.simulate(alone, [1.0], 1.0, p=k, **OPTIONS).sum()))(np.array([[1.0], [2.0]]))
     assert decay.ravel() == pytest.approx([-np.exp(-1), -np.exp(-2)])  # without controls
+    energy = jax.grad(lambda x, p: (swb.jax.simulate(model, x, T, p=p, u=U, **OPTIONS) ** 2).sum(), (0, 1))
+    turn, h = (np.array([0.3, -0.2]), np.array([0.1, 0.4])), 1e-4
+    for product in (jax.jvp, jax.jit(lambda *a: jax.jvp(energy, *a)).__call__):
+        bent = product(energy, (X0, P), turn)[1] if product is jax.jvp else product((X0, P), turn)[1]
+        ends = [energy(X0 + by * h * turn[0], P + by * h * turn[1]) for by in (-2, -1, 1, 2)]
+        for part, a, b, c, d in zip(bent, *ends):
+            assert np.allclose(part, (a - 8 * b + 8 * c - d) / (12 * h), rtol=1e-6, atol=1e-6)
     inside = swb.jax.simulate(model, X0, T, p=P, u=U, at=AT, **OPTIONS)
     assert np.allclose(inside, Flow(model, T, AT, OPTIONS)(X0, P, U), rtol=1e-12)
 

@@ -289,7 +289,9 @@ impl Direction<'_> {
         let (mut dv, mut dg) = (vec![0.0; v.len()], vec![0.0; g.len()]);
         // nothing moves where the distance is zero
         let points = if by == 0.0 { 0 } else { 4 };
-        for (steps, weight) in [(-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0)].into_iter().take(points) {
+        for (steps, weight) in
+            [(-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0)].into_iter().take(points)
+        {
             let (weight, by) = (weight / by, steps * by);
             self.sweep.v.copy_from_slice(&v);
             self.sweep.g.fill(0.0);
@@ -397,7 +399,9 @@ impl Direction<'_> {
 }
 
 fn unknown(what: String) -> Error {
-    Error::Unsupported(format!("{what} has no second derivatives: its time is that of another event, or a zero of higher order"))
+    Error::Unsupported(format!(
+        "{what} has no second derivatives: its time is that of another event, or a zero of higher order"
+    ))
 }
 
 fn unsupported(t: f64, what: &str) -> Error {

@@ -1340,6 +1340,7 @@ FUNCTIONS = {
     "swb_integrator_get_stats": (c_int32, [c_void_p, POINTER(swb_run_stats), c_uint64]),
     "swb_integrator_get_run": (c_int32, [c_void_p, c_void_p]),
     "swb_integrator_adjoint": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_integrator_adjoint_along": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_integrator_set_int": (c_int32, [c_void_p, c_char_p, c_int64]),
     "swb_integrator_set_double": (c_int32, [c_void_p, c_char_p, c_double]),
     "swb_integrator_set_string": (c_int32, [c_void_p, c_char_p, c_char_p]),

@@ -15,7 +15,7 @@ from ._arrays import Array, real
 from ._run_options import _span
 from ._ffi import RunOutcome
 from .batches import simulate_batch
-from .errors import NumericError, RangeError
+from .errors import ArgumentError, NumericError, RangeError
 from .expr import system_of
 from .integrator import Integrator
 from .runs import Gradient
@@ -119,6 +119,18 @@ class Flow:
         if self.single or self.times[-1] == self.start:
             return found
         return found._replace(x0=found.x0 + w[0]) if self.times[0] == self.start else found
+
+    def curvature(self, weights: Any, direction: Sequence[Any], *inputs: Any) -> tuple[Gradient, Array]:
+        """Derivative of the gradient of the sum of the states at the end times `weights`, in a direction of the inputs; and that of the states."""
+        if not self.single:
+            raise ArgumentError("second derivatives are those of the state at the end: leave out at")
+        arrays = [numpy.array(a, dtype=float).ravel() for a in inputs]
+        x0, p, u = (numpy.array(d, dtype=float).ravel() for d in direction)
+        i, _ = self._simulated(arrays)
+        found = i.hvp(numpy.array(weights, dtype=float).ravel(), x0=x0, p=p, u=u)
+        with self._lock:
+            self._release(i)
+        return found
 
     def gradients(self, weights: Any, *inputs: Any) -> Gradient:
         """Gradients for many inputs and weights, whose first dimension they share: on several threads, where no function of the model is written in
