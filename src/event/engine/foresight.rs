@@ -91,7 +91,9 @@ impl Engine {
         const LONG: f64 = 4.0;
         self.foresight.expected = None;
         let by = if self.stepper.fresh {
-            let by = POINT * self.soonest(None).1.min(self.stepper.h);
+            // no farther than the step would go
+            let longest = self.stepper.h.min(self.options.h_max).min(self.t_stop - self.t);
+            let by = POINT * self.soonest(None).1.min(longest);
             if !self.look_at(by)? {
                 return Ok(f64::INFINITY);
             }
