@@ -432,6 +432,10 @@ enum swb_ocp_start
      * Smoothed problems alone; the homotopy only where they lead to no solution.
      */
     SWB_OCP_START_SMOOTHING = 2,
+    /**
+     * All ways in one race: the guess, smoothed problems, descents on simulations from random controls, and the homotopy. Each has its share of the work, and what gains has more.
+     */
+    SWB_OCP_START_RACE = 3,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

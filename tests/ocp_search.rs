@@ -9,7 +9,7 @@ use switchback::fesd::PathAt;
 use switchback::func::Dims;
 use switchback::model::Model;
 use switchback::mpcc::Polish;
-use switchback::nlp::{Control, Outcome};
+use switchback::nlp::{Control, IterationInfo, Outcome};
 use switchback::ocp::{ModeSequence, Norm, Ocp, OcpResult, Verdict};
 use switchback::settings::{DcsForm, OcpStart, Settings};
 
@@ -36,6 +36,41 @@ fn sequence(phases: &[(f64, &str)]) -> ModeSequence {
 
 fn poor_sequence() -> ModeSequence {
     sequence(&[(0.0, "++"), (0.9, "+0"), (2.0, "00"), (2.3, "0-"), (2.8, "--")])
+}
+
+/// All sources in one race: the best optimum of (7.51), a mass with friction whose cost is known, the same twice, and what is left where it is stopped.
+#[test]
+fn a_race_of_all_sources_finds_the_best_optimum() {
+    let race = |set: Settings| Settings { ocp_start: OcpStart::Race as i64, ..set };
+    for n_s in [2, 3] {
+        let mut o = sliding_ocp(&race(settings(RadauIia, n_s, 6, FESD)));
+        let r = solve(&mut o);
+        assert!((r.cost - 9.149_601_87).abs() < 1e-6, "n_s = {n_s}: {}", r.cost);
+        assert_eq!(r.optimality.unwrap().verdict, Verdict::LocalOptimum);
+        assert_eq!(solve(&mut o).cost.to_bits(), r.cost.to_bits(), "the same again");
+    }
+    let g = Graph::new();
+    let system = Model::from_rhs("mass", 1, 0, &[g.x(1), g.u(0) - 0.3 * g.x(1).sign()]);
+    let system = system.and_then(|m| m.build(&g)).unwrap().system;
+    let d = Dims { x: 2, u: 1, p: 0 };
+    let mut o = Ocp::new(&system, 4.0, 10, &race(Settings::default())).unwrap();
+    o.set_lagrange(Arc::new(g.function("of", d, &[g.u(0) * g.u(0)]).unwrap())).unwrap();
+    o.add_terminal(Arc::new(g.function("end", d, &[g.x(0), g.x(1)]).unwrap()), &[1.0, 0.0], &[1.0, 0.0]).unwrap();
+    o.set_u_bounds(&[-2.0], &[2.0]).unwrap();
+    o.set_x0(&[0.0, 0.0]).unwrap();
+    let exact = 0.36 + 0.1875 / 0.99;
+    let r = solve(&mut o);
+    assert!((r.cost - exact).abs() < 1e-9, "{} instead of {exact}", r.cost);
+    for most in [1, 3, 10, 30, 100] {
+        let mut left = most;
+        let mut monitor = |_: &IterationInfo| {
+            left -= 1;
+            left > 0
+        };
+        let stopped = o.solve(&mut Control { monitor: Some(&mut monitor), ..Control::default() }).unwrap();
+        let is_solution = stopped.outcome == Outcome::Solved && (stopped.cost - exact).abs() < 1e-9;
+        assert!(stopped.outcome == Outcome::Stopped || is_solution, "{most}: {:?} {}", stopped.outcome, stopped.cost);
+    }
 }
 
 #[test]

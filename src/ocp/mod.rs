@@ -21,6 +21,7 @@ mod clear;
 mod descent;
 mod diagnosis;
 mod extend;
+mod filippov;
 mod guess;
 mod identify;
 mod integer;

@@ -138,7 +138,7 @@ impl OcpResult {
     }
 
     /// Are there elements without length?
-    fn has_idle(&self) -> bool {
+    pub(super) fn has_idle(&self) -> bool {
         self.trajectory.elements.iter().any(|e| e.h <= NOTHING * self.durations[e.stage])
     }
 
@@ -162,6 +162,12 @@ impl Ocp {
     /// Solves as the request says where to start from; from elsewhere than cold, and where modes are given, as
     /// [`Ocp::run`].
     pub(super) fn search(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
+        if request.start == OcpStart::Race && start != Start::Carried && self.may_smooth(request) {
+            let shifted = self.shifted.take().filter(|_| start == Start::Warm);
+            if shifted.is_some() || start == Start::Cold {
+                return self.search_filippov(Start::Cold, shifted, request, control);
+            }
+        }
         let shifted = self.shifted.take();
         if let Some(moved) = shifted.filter(|_| start == Start::Warm && self.may_smooth(request)) {
             return match self.solve_shifted(moved, request, control)? {
@@ -653,7 +659,7 @@ impl Ocp {
     }
 
     /// Controls moved along a direction within their bounds.
-    fn moved(&self, controls: &[f64], direction: &[f64], step: f64) -> Vec<f64> {
+    pub(super) fn moved(&self, controls: &[f64], direction: &[f64], step: f64) -> Vec<f64> {
         let bounds = (0..self.n_stages).flat_map(|k| {
             let [lower, upper] = self.control_bounds(k);
             lower.iter().zip(upper)

@@ -16,7 +16,7 @@ use crate::nlp::Control;
 
 /// Share of the largest cost of a plan so far by which the cost may rise from one sample to the next, and below which nothing
 /// is left that is worth a search: noise.
-const SURPRISE: f64 = 0.01;
+pub(super) const SURPRISE: f64 = 0.01;
 
 impl Ocp {
     /// Makes the last solution, one control stage later, the guess of the next solve; the last stage is repeated. A warm solve
@@ -101,6 +101,17 @@ impl Ocp {
         }
     }
 
+    /// The same, and the state it begins with.
+    pub(super) fn restate_start(&self, r: &mut OcpResult) {
+        self.restate(r);
+        if let Some(e) = r.trajectory.elements.first_mut() {
+            for (i, x) in e.x0.iter_mut().enumerate() {
+                let (l, u) = (self.x0_bounds[0][i], self.x0_bounds[1][i]);
+                *x = if l == u { middle(l, u) } else { x.clamp(l, u) };
+            }
+        }
+    }
+
     /// Solves from the solution one stage earlier. What was found is given back where that is no exact answer, or costs more than was to be
     /// expected: something happened to the plant, and other plans may be better now.
     pub(super) fn solve_shifted(
@@ -110,13 +121,7 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<Option<Candidates>> {
         let clock = Instant::now();
-        self.restate(&mut moved);
-        if let Some(e) = moved.trajectory.elements.first_mut() {
-            for (i, x) in e.x0.iter_mut().enumerate() {
-                let (l, u) = (self.x0_bounds[0][i], self.x0_bounds[1][i]);
-                *x = if l == u { middle(l, u) } else { x.clamp(l, u) };
-            }
-        }
+        self.restate_start(&mut moved);
         let known = match &self.measured {
             Some(s) => s.clone(),
             None => self.sizes()?,

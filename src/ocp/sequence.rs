@@ -107,20 +107,16 @@ impl Ocp {
         engine.trace(&answer, &|x, at| (0..d.x).any(|i| (x[i] - at[i]).abs() > off * range[i]), dcs.n_cells())
     }
 
-    /// The mode program of the phases of a simulation, from its states and the controls of `r`: a copy of the
-    /// problem, whose result is what became of it. The grid has room as told.
-    pub(super) fn solve_traced(
+    /// Phases of a simulation along the stages of `r`, without those that are too short to keep.
+    pub(super) fn phases_along(
         &self,
         r: &OcpResult,
         (traced, room): (&Traced, Room),
-        known: &Sizes,
-        request: &Request,
-        control: &mut Control,
-    ) -> Result<Box<Ocp>> {
-        let dcs = Dcs::new(&self.system, request.options.form)?;
+        options: &SolveOptions,
+    ) -> Result<Sequence> {
+        let dcs = Dcs::new(&self.system, options.form)?;
         // the multipliers of a projected system are cells of their own
         let cells = |set: &[bool]| if self.projected.is_some() { set.to_vec() } else { dcs.from_regions(set) };
-        let mut work = Box::new(self.blank());
         let mut stages = Vec::with_capacity(traced.phases.stages.len());
         for (k, (stage, duration)) in traced.phases.stages.iter().zip(&r.durations).enumerate() {
             let mut phases: Vec<(&[bool], f64)> = Vec::new();
@@ -137,7 +133,22 @@ impl Ocp {
             }
             stages.push(phases.into_iter().map(|(set, length)| (cells(set), length)).collect());
         }
-        let s = Sequence { stages };
+        Ok(Sequence { stages })
+    }
+
+    /// The mode program of the phases of a simulation, from its states and the controls of `r`: a copy of the
+    /// problem, whose result is what became of it. The grid has room as told.
+    pub(super) fn solve_traced(
+        &self,
+        r: &OcpResult,
+        (traced, room): (&Traced, Room),
+        known: &Sizes,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<Box<Ocp>> {
+        let form = Dcs::new(&self.system, request.options.form)?.form().clone();
+        let mut work = Box::new(self.blank());
+        let s = self.phases_along(r, (traced, room), &request.options)?;
         let own = self.elements(&request.options);
         let n_fe: Vec<usize> = own.iter().zip(&s.stages).map(|(n, s)| (room.elements * n).max(s.len())).collect();
         work.set_elements(&n_fe)?;
@@ -149,7 +160,7 @@ impl Ocp {
         work.params = self.params_from(r);
         let along = (&traced.times[..], &traced.states[..]);
         work.sizes = Some(self.sizes_along(along, &r.controls, &r.durations, known));
-        work.modes = Some(s.modes(dcs.form()));
+        work.modes = Some(s.modes(&form));
         work.run(if room.lowest { Start::Lowest } else { Start::Branch }, request, control)?;
         Ok(work)
     }

@@ -74,6 +74,9 @@ pub(super) struct Smoother {
     pub spent: Statistics,
     /// Iterations that are left.
     left: usize,
+    /// Ladders that were asked for, and what they ended at: the costs at which they are compared, and answers.
+    asked: usize,
+    ended: Vec<(f64, Vec<OcpResult>)>,
 }
 
 /// How far a ladder got.
@@ -131,6 +134,8 @@ impl Ocp {
             straight,
             spent,
             left: options.solver.max_iter,
+            asked: 0,
+            ended: Vec::new(),
             options,
         }))
     }
@@ -194,6 +199,49 @@ impl Smoother {
     /// Did they take so much that further ones are not worth it?
     pub fn is_large(&self) -> bool {
         self.work() > SMALL
+    }
+
+    /// What the next ladder ends at, which is what an earlier one does where both cost the same at the width at which costs are compared. `None` where
+    /// there is none left.
+    pub fn next_ladder(&mut self, control: &mut Control) -> Option<Vec<OcpResult>> {
+        while let Some((first, from)) = FIRST.into_iter().chain(MORE).nth(self.asked) {
+            self.asked += 1;
+            let Some(w0) = self.beginning(from, control) else { continue };
+            let rungs: Vec<Rung> = COMMON.into_iter().filter(|r| r.0 < first).collect();
+            let opened = self.open(first, &w0, control);
+            let Some(c) = opened.and_then(|c| self.climb(c, &rungs, control)) else { continue };
+            let cost = c.at.objective;
+            let same = |o: f64| (o - cost).abs() <= DIFFERENT * o.abs().max(cost.abs());
+            if let Some(o) = self.ended.iter().find(|o| same(o.0)) {
+                return Some(o.1.clone());
+            }
+            let first = self.read(&c);
+            let last = self.climb(c, &[NARROWEST], control);
+            let answers: Vec<OcpResult> = std::iter::once(first).chain(last.map(|c| self.read(&c))).collect();
+            self.ended.push((cost, answers.clone()));
+            return Some(answers);
+        }
+        None
+    }
+
+    /// Variables of the smoothed problem.
+    pub fn n(&self) -> usize {
+        self.built.problem.n()
+    }
+
+    /// One ladder from the guess, which is an earlier plan: near it, but not bound to its modes. `None` where it was asked for before, or has no solution.
+    pub fn plan_ladder(&mut self, control: &mut Control) -> Option<Vec<OcpResult>> {
+        if std::mem::replace(&mut self.asked, 1) > 0 {
+            return None;
+        }
+        let [(width, mu, tol), last] = PLAN;
+        let w0 = self.w0.clone();
+        let sizes = self.sizes.clone();
+        let at = self.solve(&sizes, width, &Warm { x: &w0, y: &[], z: &[] }, [mu, tol], control)?;
+        let c = Climber { sizes: self.sizes_along(&at.x), at, count: 1 };
+        let first = self.read(&c);
+        let last = self.climb(c, &[last], control);
+        Some(std::iter::once(first).chain(last.map(|c| self.read(&c))).collect())
     }
 
     fn read(&mut self, c: &Climber) -> OcpResult {

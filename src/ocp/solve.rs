@@ -357,8 +357,8 @@ impl Ocp {
             b.set_sizes(&self.known_or_own_sizes()?);
         }
         let improves = match start {
-            Start::Carried | Start::Near => true,
-            Start::Branch | Start::Lowest => !request.plain_branches,
+            Start::Carried => true,
+            Start::Near | Start::Branch | Start::Lowest => !request.plain_branches,
             Start::Cold => modes.is_none(),
             Start::Warm => false,
         };

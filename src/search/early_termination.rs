@@ -63,8 +63,9 @@ pub(crate) struct EarlyTermination {
     cut: usize,
     begun: bool,
     over: bool,
-    /// Largest modulus of the cost on the way.
+    /// Largest modulus of the cost on the way, and of points that are feasible enough for it to say something.
     pub largest: f64,
+    pub largest_feasible: f64,
 }
 
 impl EarlyTermination {
@@ -84,6 +85,7 @@ impl EarlyTermination {
             begun: false,
             over: false,
             largest: 0.0,
+            largest_feasible: 0.0,
         }
     }
 
@@ -100,6 +102,9 @@ impl EarlyTermination {
         }
         if i.phase == b' ' && i.objective.is_finite() {
             self.largest = self.largest.max(i.objective.abs());
+            if i.inf_pr <= FEASIBLE {
+                self.largest_feasible = self.largest_feasible.max(i.objective.abs());
+            }
         }
         if i.iter == 0 && std::mem::replace(&mut self.begun, true) {
             // the first point of a restoration has no violation, in a program of its own

@@ -160,20 +160,21 @@ struct Race<'a, S: Space> {
     tried: BTreeMap<S::Sequence, Known>,
     failed: Vec<Failed<S>>,
     attempts: usize,
-    /// Candidates of sources among them.
+    /// Candidates of sources, those among them that lead to what is known.
     candidates: usize,
     steps: usize,
     /// Work and candidates at the last gain.
     gained_at: (f64, usize),
 }
 
-/// Searches for the best solution of a space.
+/// Searches for the best solution of a space, beginning with what is known of it.
 ///
 /// # Errors
 /// Those of the space, unless they are interrupts behind a first solution.
 pub(crate) fn explore<S: Space>(
     space: &mut S,
     plan: &Plan,
+    known: Vec<(S::Solution, S::Sequence)>,
     budget: &mut Budget,
     control: &mut Control,
 ) -> Result<Found<S::Solution, S::Sequence>> {
@@ -201,6 +202,10 @@ pub(crate) fn explore<S: Space>(
         steps: 0,
         gained_at: (0.0, 0),
     };
+    for (solution, sequence) in known {
+        let rank = race.space.rank(&solution);
+        race.keep(solution, sequence, rank);
+    }
     let ended = loop {
         // where nothing was found yet the first program is an answer of sorts
         if race.budget.is_over() && (!race.nodes.is_empty() || stop::requested().is_some()) {
@@ -281,7 +286,11 @@ impl<S: Space> Race<'_, S> {
         let candidates_only = !self.is_solved() && self.is_in_vain();
         let has_step = |a: &Arm<S>| a.has_candidate() || a.has_neighbour() && !candidates_only;
         let left = self.arms.iter().enumerate().filter(|(_, a)| has_step(a));
-        let prospect = |a: &Arm<S>| a.all.prospect(usual);
+        let expected = |a: &Arm<S>| match a.steps {
+            0 => self.space.expected(a.source).unwrap_or(usual),
+            _ => usual,
+        };
+        let prospect = |a: &Arm<S>| a.all.prospect(expected(a));
         let best = left.min_by(|(i, a), (j, b)| prospect(b).total_cmp(&prospect(a)).then(i.cmp(j)));
         let Some((k, arm)) = best else { return self.retry(control) };
         let part = if candidates_only { 0 } else { arm.next_part() };
@@ -311,17 +320,19 @@ impl<S: Space> Race<'_, S> {
         ended.map(|_| true)
     }
 
-    /// The next candidate of a source, or its next proposal where it has none left; what others have done of its work.
+    /// The next candidate of a source; what others have done of its work.
     fn ask(&mut self, k: usize, control: &mut Control) -> Result<f64> {
         let source = self.arms[k].source;
-        if let Some(candidate) = self.arms[k].queue.pop_front() {
-            return self.attempt(k, candidate, (source, 1), control);
+        if self.arms[k].queue.is_empty() {
+            let best = self.order.first().map(|b| &self.nodes[*b].0);
+            let found = self.space.propose(source, best, self.budget, control)?;
+            self.arms[k].ended = found.is_empty();
+            self.arms[k].queue = found.into();
         }
-        let best = self.order.first().map(|b| &self.nodes[*b].0);
-        let found = self.space.propose(source, best, self.budget, control)?;
-        self.arms[k].ended = found.is_empty();
-        self.arms[k].queue = found.into();
-        Ok(0.0)
+        match self.arms[k].queue.pop_front() {
+            Some(candidate) => self.attempt(k, candidate, (source, 1), control),
+            None => Ok(0.0),
+        }
     }
 
     /// The most promising neighbour of the best that a source has found; what others have done of its work.
@@ -346,7 +357,7 @@ impl<S: Space> Race<'_, S> {
         let Some(first) = first else { return Ok(0.0) };
         let Neighbour { sequence, kind, .. } = next.left.remove(first);
         let motion = space.moved(&nodes[own.node].0, &next.motion, &sequence);
-        let candidate = Candidate { sequence: sequence.clone(), motion };
+        let candidate = Candidate::new(sequence.clone(), motion);
         let saved = self.attempt(k, candidate, (Source::Neighbours, 1), control)?;
         if let Some(node) = self.tried.get(&sequence).and_then(|t| t.node) {
             let better = self.rank(node).is_better(&rank);
@@ -378,6 +389,13 @@ impl<S: Space> Race<'_, S> {
         (source, patience): (Source, usize),
         control: &mut Control,
     ) -> Result<f64> {
+        self.candidates += usize::from(source != Source::Neighbours);
+        let best = self.best();
+        let cost = if best.feasible && !best.contradicted { best.cost } else { f64::INFINITY };
+        let no_gain = cost.is_finite() && candidate.promise >= cost - self.plan.gain * cost.abs();
+        if no_gain || candidate.promise == f64::INFINITY {
+            return Ok(0.0);
+        }
         let known = self.tried.entry(candidate.sequence.clone()).or_default();
         let is_solved = known.node.is_some_and(|n| self.space.rank(&self.nodes[n].0).feasible);
         let again = !known.from.is_empty() && source == Source::Neighbours;
@@ -390,18 +408,16 @@ impl<S: Space> Race<'_, S> {
         }
         known.from.push(source);
         known.arms.push(k);
-        let best = self.best();
-        let cost = if best.feasible && !best.contradicted { best.cost } else { f64::INFINITY };
-        self.candidates += usize::from(source != Source::Neighbours);
         let before = self.budget.spent();
         let ended = self.space.solve(&candidate, Limits { cost, patience }, self.budget, control)?;
         self.attempts += ended.len();
         self.tried.entry(candidate.sequence.clone()).or_default().work += self.budget.spent() - before;
+        let mut reached = None;
         for (sequence, mut solution) in ended {
             let best = self.best();
             let mut rank = self.space.rank(&solution);
             if rank.feasible && rank.is_better(&best) {
-                self.space.verify(&mut solution, self.budget)?;
+                self.space.verify(&mut solution, self.budget, control)?;
                 rank = self.space.rank(&solution);
             }
             if !rank.feasible && source != Source::Retries && !best.feasible {
@@ -409,7 +425,13 @@ impl<S: Space> Race<'_, S> {
             }
             let node = self.keep(solution, sequence, rank);
             self.own(k, node);
+            if reached.is_none_or(|r| self.rank(node).is_better(&self.rank(r))) {
+                reached = Some(node);
+            }
         }
+        // a program may lead to another sequence, which stands for it from then on
+        let known = self.tried.entry(candidate.sequence.clone()).or_default();
+        known.node = known.node.or(reached);
         Ok(0.0)
     }
 
@@ -503,7 +525,7 @@ mod tests {
             let asked = self.asked.entry(source).or_default();
             *asked += 1;
             let asked = *asked;
-            let of = |sequence: Word| Candidate { sequence, motion: () };
+            let of = |sequence: Word| Candidate::new(sequence, ());
             Ok(match source {
                 Source::Guess if asked == 1 => vec![of(vec![0; self.n])],
                 Source::Samples if asked <= 40 => {
@@ -558,7 +580,7 @@ mod tests {
 
     fn run(seed: u64, plan: &Plan, most: f64) -> (f64, f64, Found<(Word, f64, bool), Word>) {
         let mut budget = Budget::new(most);
-        let found = explore(&mut Words::new(seed), plan, &mut budget, &mut Control::default()).unwrap();
+        let found = explore(&mut Words::new(seed), plan, Vec::new(), &mut budget, &mut Control::default()).unwrap();
         let best = found.all.first().filter(|b| b.0 .2).map_or(f64::INFINITY, |b| b.0 .1);
         (best, budget.spent(), found)
     }
@@ -615,7 +637,7 @@ mod tests {
         let (.., found) = run(3, &Plan { any: true, ..plan(&ALL) }, f64::INFINITY);
         assert_eq!((found.ended, found.all.iter().filter(|s| s.0 .2).count()), (Ended::Enough, 1));
         let (.., found) = run(3, &plan(&ALL), 25.0);
-        assert_eq!((found.ended, found.tried), (Ended::Limit, 1));
+        assert_eq!((found.ended, found.tried), (Ended::Limit, 2));
         let (.., found) = run(3, &plan(&[Source::Retries]), f64::INFINITY);
         assert_eq!((found.ended, found.tried), (Ended::Exhausted, 0));
     }

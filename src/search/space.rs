@@ -14,6 +14,8 @@ pub(crate) enum Source {
     Simulation,
     /// The solution of a problem with fewer conditions: choices anywhere between their values.
     Relaxation,
+    /// Problems with smooth surfaces in the place of switches, wide ones first.
+    Smoothing,
     /// Simulations of random controls, aimed at the constraints.
     Samples,
     /// Sequences next to what a source has found; no source of its own.
@@ -27,6 +29,15 @@ pub(crate) enum Source {
 pub(crate) struct Candidate<S, M> {
     pub sequence: S,
     pub motion: M,
+    /// The cost that the source expects, minus infinity where it expects none: what promises no gain is not solved.
+    pub promise: f64,
+}
+
+impl<S, M> Candidate<S, M> {
+    /// One of which the source expects no cost.
+    pub fn new(sequence: S, motion: M) -> Candidate<S, M> {
+        Candidate { sequence, motion, promise: f64::NEG_INFINITY }
+    }
 }
 
 /// A sequence next to that of a solution.
@@ -72,6 +83,11 @@ pub(crate) trait Space {
         control: &mut Control,
     ) -> Result<Vec<Candidate<Self::Sequence, Self::Motion>>>;
 
+    /// Work that the first step of a source is expected to take; `None` where it is what all steps take on average.
+    fn expected(&self, _source: Source) -> Option<f64> {
+        None
+    }
+
     /// Solves the program of a sequence, or gives it up at the limits: what it ended at, a solution or not, and what sequences ended at that it led to on
     /// the way, each with its sequence. Nothing where the sequence cannot be.
     ///
@@ -92,7 +108,7 @@ pub(crate) trait Space {
     ///
     /// # Errors
     /// Those of the simulation.
-    fn verify(&mut self, _s: &mut Self::Solution, _budget: &mut Budget) -> Result<()> {
+    fn verify(&mut self, _s: &mut Self::Solution, _budget: &mut Budget, _control: &mut Control) -> Result<()> {
         Ok(())
     }
 

@@ -143,12 +143,14 @@ Search for the solution of an optimal control problem (option ocp_start).
 - `SWB_OCP_START_PORTFOLIO`: Smoothed problems lead to mode sequences, several of which are solved. The homotopy from the guess follows where these do not agree on a certified solution, or constraints on the way are not linear. The cheapest solution is kept.
 - `SWB_OCP_START_HOMOTOPY`: The homotopy from the guess alone.
 - `SWB_OCP_START_SMOOTHING`: Smoothed problems alone; the homotopy only where they lead to no solution.
+- `SWB_OCP_START_RACE`: All ways in one race: the guess, smoothed problems, descents on simulations from random controls, and the homotopy. Each has its share of the work, and what gains has more.
 """
 const swb_ocp_start = Int64
 const SWB_OCP_START_PORTFOLIO = swb_ocp_start(0)
 const SWB_OCP_START_HOMOTOPY = swb_ocp_start(1)
 const SWB_OCP_START_SMOOTHING = swb_ocp_start(2)
-const NAMES_swb_ocp_start = [:portfolio => 0, :homotopy => 1, :smoothing => 2]
+const SWB_OCP_START_RACE = swb_ocp_start(3)
+const NAMES_swb_ocp_start = [:portfolio => 0, :homotopy => 1, :smoothing => 2, :race => 3]
 
 """
 Strategies for a program with complementarity constraints (option portfolio).

@@ -37,6 +37,8 @@ pub(super) struct Descent {
     /// Costs of simulations: at the start, with the constraints met where that takes a small change, and at the end.
     pub before: f64,
     pub cost: f64,
+    /// Simulations that it took.
+    pub evaluations: usize,
     /// Where the descent gains nothing: what the answer is then. It is not known where the descent ended somewhere else than at a point from
     /// which no direction leads down.
     pub still: Option<Verdict>,
@@ -76,7 +78,7 @@ impl Ocp {
                 (true, false) => Verdict::LocalOptimum,
             });
         }
-        Ok(Some(Descent { moved, before: found.before, cost: found.cost, still }))
+        Ok(Some(Descent { moved, before: found.before, cost: found.cost, evaluations: found.evaluations, still }))
     }
 
     /// The end of a descent from an answer with these controls and their ends, and the answer with what it ends at; `None` where nothing is
@@ -123,6 +125,15 @@ impl Ocp {
         Ok(None)
     }
 
+    /// What a simulation of the controls of an answer costs, where it meets the constraints.
+    pub(super) fn feasible_cost(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<f64>> {
+        let mut shooting = Shooting::new(self, b, from, known)?;
+        let Some(values) = shooting.simulated(b, (&from.controls, &from.control_ends))? else { return Ok(None) };
+        let (lower, upper) = shooting.row_bounds();
+        let off = |i: usize| (lower[i] - values.rows[i]).max(values.rows[i] - upper[i]);
+        Ok((0..values.rows.len()).all(|i| off(i) <= MET * values.usual[i]).then_some(values.cost))
+    }
+
     /// Descends from what a simulation makes of the controls of `from`, which need not meet the constraints, to controls that nearly
     /// do. `b` is the problem as it was built for any point. `None` where that is not reached.
     pub(super) fn aim(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<Box<OcpResult>>> {
@@ -159,6 +170,27 @@ impl Ocp {
             out.extend(shot(&shooting, &found, from));
         }
         Ok(out)
+    }
+
+    /// The end of a descent from the controls of an answer, where it nearly meets the constraints, and the simulations that it took. Lengths, parameters
+    /// and initial states that are free are those of `from` at first, or drawn within their bounds. `None` where there is nothing to vary, or too much.
+    pub(super) fn shot(
+        &self,
+        b: &Built,
+        from: &OcpResult,
+        known: &Sizes,
+        seed: Option<u64>,
+    ) -> Result<Option<(Option<Shot>, usize)>> {
+        let mut shooting = Shooting::new(self, b, from, known)?;
+        if !(1..=VARIABLES).contains(&shooting.n()) {
+            return Ok(None);
+        }
+        let mut z = shooting.place(b, (&from.controls, &from.control_ends));
+        if let Some(seed) = seed {
+            shooting.draw(&mut z, &mut SplitMix64::new(seed));
+        }
+        let found = lowest(&mut shooting, z, false)?;
+        Ok(Some((found.as_ref().and_then(|f| shot(&shooting, f, from)), found.map_or(1, |f| f.evaluations))))
     }
 
     /// Which of these controls lead closest to the constraints in a simulation, the closest first; violations count as shares of how far

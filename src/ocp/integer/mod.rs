@@ -158,7 +158,7 @@ impl Ocp {
         }
         let (mut tried, mut settled, mut first) = (0, true, None);
         if !(proof.is_complete && proof.better.is_some()) {
-            let found = explore(&mut space, &plan, budget, control)?;
+            let found = explore(&mut space, &plan, Vec::new(), budget, control)?;
             let best = found.all.first().map(|f| &f.0).filter(|e| e.is_solution());
             if is_cold && !proof.is_complete && stop::requested().is_none() {
                 proof = in_time(self.prove(&mut space, best, convex, request, (budget, control)))?;

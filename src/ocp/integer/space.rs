@@ -197,7 +197,7 @@ impl<'a> Choices<'a> {
     /// A sequence of which nothing is known but its choices; the other controls are those given.
     fn candidate(&self, sequence: Sequence, from: &[f64]) -> Candidate {
         let controls = self.controls(&sequence, from);
-        Candidate { sequence, motion: Rc::new(Motion { controls, states: None }) }
+        Candidate::new(sequence, Rc::new(Motion { controls, states: None }))
     }
 }
 
@@ -224,7 +224,7 @@ impl Space for Choices<'_> {
                 let (u, motion) = (r.controls.clone(), Rc::new(Motion::of(r)));
                 let mut all = vec![self.levels.rounded(&u), self.levels.nearest(&u)];
                 all.dedup();
-                let of = |sequence| Candidate { sequence, motion: motion.clone() };
+                let of = |sequence| Candidate::new(sequence, motion.clone());
                 all.into_iter().filter(|s| self.levels.is_held(s)).map(of).collect()
             }
             Source::Simulation if !self.constant.is_empty() => {

@@ -136,7 +136,7 @@ impl Ocp {
         };
         if last.is_some() {
             // an answer that is known to be good is improved, and that is all
-            let found = explore(&mut space, &plan(&[Source::Guess], 0.0), budget, control)?;
+            let found = explore(&mut space, &plan(&[Source::Guess], 0.0), Vec::new(), budget, control)?;
             if found.all.first().is_some_and(|f| f.0.result.is_exact()) || stop::requested().is_some() {
                 return Ok((found, space.automaton));
             }
@@ -145,7 +145,7 @@ impl Ocp {
         let samples = self.has_costs() && request.start != OcpStart::Homotopy;
         let sources = [Source::Simulation, Source::Samples];
         let plan = plan(if samples { &sources } else { &sources[..1] }, self.settings.search_effort);
-        let found = explore(&mut space, &plan, budget, control)?;
+        let found = explore(&mut space, &plan, Vec::new(), budget, control)?;
         Ok((found, space.automaton))
     }
 
@@ -336,7 +336,7 @@ mod tests {
         let limits = Limits { cost: f64::INFINITY, patience: 100 };
         let mut one = |&(on, off): &(usize, usize)| {
             let motion = Rc::new(guess.for_sequence(&sequence, &pair(on, off)));
-            let candidate = search::Candidate { sequence: pair(on, off), motion };
+            let candidate = search::Candidate::new(pair(on, off), motion);
             let ended = s.solve(&candidate, limits, &mut Budget::new(f64::INFINITY), &mut Control::default());
             ended.unwrap().remove(0).1.result
         };

@@ -78,7 +78,7 @@ impl<'a> Transitions<'a> {
         let passage = |j: &JumpMade| Passage { transition: j.transition, stage: j.stage, at_once: j.at_once };
         let mut start = r.clone();
         self.ocp.restate(&mut start);
-        vec![Candidate { sequence: r.jumps.iter().map(passage).collect(), motion: Rc::new(Guess::of(&start)) }]
+        vec![Candidate::new(r.jumps.iter().map(passage).collect(), Rc::new(Guess::of(&start)))]
     }
 
     /// Sequences of simulations of random controls with their motions, none of them twice, those first whose end comes closest to its conditions.
@@ -110,7 +110,7 @@ impl<'a> Transitions<'a> {
         let mut out: Vec<Candidate> = Vec::new();
         for (_, (sequence, motion)) in sorted {
             if out.iter().all(|known| known.sequence != sequence) {
-                out.push(Candidate { sequence, motion: Rc::new(motion) });
+                out.push(Candidate::new(sequence, Rc::new(motion)));
             }
         }
         out
@@ -136,7 +136,7 @@ impl Space for Transitions<'_> {
                     Some(controls) => {
                         self.simulated += 1;
                         let (sequence, motion) = self.simulate(&controls, budget)?;
-                        vec![Candidate { sequence, motion: Rc::new(motion) }]
+                        vec![Candidate::new(sequence, Rc::new(motion))]
                     }
                     None => Vec::new(),
                 },

@@ -95,6 +95,7 @@ class OcpStart(Names):
     PORTFOLIO = 0
     HOMOTOPY = 1
     SMOOTHING = 2
+    RACE = 3
 
 
 class Portfolio(Names):

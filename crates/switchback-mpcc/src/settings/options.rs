@@ -254,12 +254,14 @@ pub enum OcpStart {
     Homotopy = 1,
     /// Smoothed problems alone; the homotopy only where they lead to no solution.
     Smoothing = 2,
+    /// All ways in one race: the guess, smoothed problems, descents on simulations from random controls, and the homotopy. Each has its share of the work, and what gains has more.
+    Race = 3,
 }
 
 impl OcpStart {
     /// Value names, by value.
-    pub const NAMES: &'static [&'static str] = &["portfolio", "homotopy", "smoothing"];
-    const ALL: [OcpStart; 3] = [OcpStart::Portfolio, OcpStart::Homotopy, OcpStart::Smoothing];
+    pub const NAMES: &'static [&'static str] = &["portfolio", "homotopy", "smoothing", "race"];
+    const ALL: [OcpStart; 4] = [OcpStart::Portfolio, OcpStart::Homotopy, OcpStart::Smoothing, OcpStart::Race];
 
     /// Value of this number; `None` outside the enumeration.
     pub fn from_i64(value: i64) -> Option<Self> {
@@ -1725,7 +1727,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         kind: Kind::Enum(OcpStart::NAMES),
         default: 0.0,
         min: Closed(0.0),
-        max: Closed(2.0),
+        max: Closed(3.0),
         symbol: "",
         doc: "Search for the solution of an optimal control problem (enum ocp_start).",
         setup_only: false,

@@ -1,0 +1,132 @@
+//! Optimal control where modes follow from the state: the search for the best sequence of active sets.
+
+mod space;
+
+use std::rc::Rc;
+use std::time::Instant;
+
+use self::space::{Ended, Filippov, Sequence};
+use super::candidates::Candidates;
+use super::portfolio::SEARCH;
+use super::receding::SURPRISE;
+use super::request::Request;
+use super::solve::Start;
+use super::{Ocp, OcpResult};
+use crate::dcs::Dcs;
+use crate::error::{Error, Result};
+use crate::nlp::Control;
+use crate::search::{explore, Budget, Plan, Source};
+use crate::settings::OcpStart;
+use crate::stop;
+
+/// Costs that differ by less, relative, are the same.
+const SAME: f64 = 1e-4;
+
+/// What a search has found so far.
+type Known = Vec<(Ended, Sequence)>;
+
+/// What is spent, and the seconds to build problems.
+struct Spent {
+    budget: Budget,
+    time_build: f64,
+}
+
+impl Ocp {
+    /// Searches for the best solution. An answer of before, which is what is expected, is bettered and that is all, unless what it leads to costs more
+    /// than was expected: something happened to the plant, and other plans may be better now.
+    pub(super) fn search_filippov(
+        &mut self,
+        start: Start,
+        last: Option<Box<OcpResult>>,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<&OcpResult> {
+        let clock = Instant::now();
+        let mut spent = Spent { budget: Budget::new(f64::INFINITY), time_build: 0.0 };
+        let mut out = Candidates::default();
+        // what is left behind the search is for the comparison and the verdict
+        let mut all = control.sooner(SEARCH, |control| {
+            out.known = match (&self.measured, &last) {
+                (Some(s), Some(_)) => s.clone(),
+                _ => self.sizes()?,
+            };
+            let mut known = match last {
+                Some(last) => {
+                    let (known, expected) = self.go_on_from(last, &out, request, &mut spent, control)?;
+                    if expected {
+                        return Ok(known);
+                    }
+                    // the plan has had its chance
+                    (self.x_guess, self.u_guess) = (None, None);
+                    known
+                }
+                None => Vec::new(),
+            };
+            let mut space = Filippov::new(self, None, out.known.clone(), (start, request), control)?;
+            let all = [Source::Guess, Source::Smoothing, Source::Samples, Source::Relaxation];
+            let sources = if request.start == OcpStart::Smoothing { &all[1..2] } else { &all };
+            let plan = Plan { effort: self.settings.search_effort, ..self.plan(sources, request.search) };
+            let found = explore(&mut space, &plan, std::mem::take(&mut known), &mut spent.budget, control)?;
+            spent.time_build += space.time_build;
+            out.cut = stop::requested();
+            Ok::<Known, Error>(found.all)
+        })?;
+        (out.spent, out.time_build) = (spent.budget.stats, spent.time_build);
+        // where nothing has a solution the homotopy says why
+        let homotopy = all.iter().position(|f| f.0.homotopy);
+        let solved = all.first().is_some_and(|f| f.0.rank.feasible);
+        let Some(at) = (if solved { Some(0) } else { homotopy }) else {
+            // the search was cut before
+            let request = Request { start: OcpStart::Homotopy, ..*request };
+            let r = self.run(start, &request, control)?;
+            out.add(r);
+            return self.spent_in_all(&out, clock);
+        };
+        // of what costs the same the first that is known to be an optimum
+        let same = |f: &Ended| f.rank.cost <= all[at].0.rank.cost + SAME * all[at].0.rank.cost.abs();
+        let certified = |f: &&(Ended, Sequence)| f.0.rank.feasible && !f.0.rank.contradicted && f.0.certified;
+        let sure = all.iter().take_while(|f| solved && same(&f.0)).position(|f| certified(&f));
+        let best = all.swap_remove(sure.unwrap_or(at)).0;
+        out.still = best.still.filter(|_| best.rank.feasible);
+        let Ok(one) = Rc::try_unwrap(best.one) else {
+            return Err(Error::Internal("a solution is in use".into()));
+        };
+        let one = one.into_inner();
+        out.best = Some(one);
+        self.adopt(out, request, control, clock)
+    }
+
+    fn plan(&self, sources: &[Source], least_tried: usize) -> Plan {
+        Plan { sources: sources.to_vec(), effort: 0.0, gain: self.settings.search_gain, least_tried, any: false }
+    }
+
+    /// What an answer of before leads to, and whether that costs as much as was expected.
+    fn go_on_from(
+        &self,
+        mut last: Box<OcpResult>,
+        out: &Candidates,
+        request: &Request,
+        spent: &mut Spent,
+        control: &mut Control,
+    ) -> Result<(Known, bool)> {
+        self.restate_start(&mut last);
+        let noise = SURPRISE * self.largest;
+        let expected = last.priced + noise;
+        let mut space = Filippov::new(self, Some(last), out.known.clone(), (Start::Cold, request), control)?;
+        let mut step = |source: Source, least: usize, known: Known, control: &mut Control| -> Result<Known> {
+            let plan = self.plan(&[source], least);
+            Ok(explore(&mut space, &plan, known, &mut spent.budget, control)?.all)
+        };
+        let cost = |known: &Known| known.first().filter(|k| k.0.rank.feasible).map_or(f64::INFINITY, |k| k.0.rank.cost);
+        let mut known = step(Source::Guess, 0, Vec::new(), control)?;
+        let simplices = Dcs::stewart(&self.system)?.form().simplices.clone();
+        let slides = known.first().is_some_and(|k| k.0.begins_sliding(&simplices));
+        if cost(&known) > expected || slides && cost(&known).abs() > noise {
+            // what sticks sees no control that would set it free: a smoothed problem does
+            known = step(Source::Smoothing, 1, known, control)?;
+        }
+        spent.time_build += space.time_build;
+        let as_expected = cost(&known) <= expected;
+        Ok((known, as_expected))
+    }
+}
