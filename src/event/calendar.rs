@@ -395,7 +395,7 @@ impl UnitEvents {
     /// Has so much been spent on neighbours that it is cheaper to end the step?
     pub(super) fn is_spent(&self, stages: usize) -> bool {
         /// How much shorter a step should have been; it is not known beforehand when many events come together.
-        const SHORTER: f64 = 0.25;
+        const SHORTER: f64 = 0.5;
         self.growth(stages) < SHORTER
     }
 
@@ -494,21 +494,24 @@ impl UnitEvents {
         self.asked.clear();
     }
 
-    /// The states that were integrated anew at the last event of this source; nothing is known of it any more.
-    pub(super) fn take_reach(&mut self, source: usize) -> impl Iterator<Item = u32> + '_ {
-        self.reached -= self.reach[source].len();
-        self.reach[source].drain(..)
+    /// The states that were integrated anew at the last event of this source.
+    pub(super) fn reach_of(&self, source: usize) -> &[u32] {
+        &self.reach[source]
     }
 
-    /// Notes the states of the group that move for the next event of the source, as long as such lists are together no longer than a few lists of all
-    /// states.
-    pub(super) fn note_reach(&mut self, source: usize) {
+    /// Notes these states for the next event of the source: those of the group that `counts` says. Lists are as long together as a few lists of
+    /// all states.
+    pub(super) fn note_reach(&mut self, source: usize, counts: impl Fn(&UnitEvents, usize) -> bool) {
         const LISTS: usize = 16;
-        let own = &self.group.states[..self.group.moving];
-        if self.reached + own.len() <= LISTS * self.still.len() {
-            self.reach[source].extend_from_slice(own);
-            self.reached += own.len();
+        let mut own = std::mem::take(&mut self.reach[source]);
+        self.reached -= own.len();
+        own.clear();
+        own.extend((0..self.group.states.len()).filter(|k| counts(self, *k)).map(|k| self.group.states[k]));
+        if self.reached + own.len() > LISTS * self.still.len() {
+            own.clear();
         }
+        self.reached += own.len();
+        self.reach[source] = own;
     }
 
     /// The group follows other pieces from time `t` on: none of them are known yet.
