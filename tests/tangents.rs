@@ -157,7 +157,7 @@ fn weakly_active_pairs_are_reported() {
         p.solve(&p.bounds(), &[change]).2.unwrap()[0].one_sided
     };
     // a = max(q, 0): smooth away from q = 0 only
-    assert!(one_sided(0.0) && !one_sided(0.5) && !one_sided(-0.5));
+    assert_eq!([0.0, 0.5, -0.5].map(one_sided), [true, false, false]);
 }
 
 #[test]

@@ -127,6 +127,15 @@ impl ActiveSet {
             || (0..c.len()).any(|i| weak(&active[i], c[i], b.cl[i], b.cu[i], at.y[i]))
     }
 
+    /// Is a member of one of these pairs held at zero by its branch alone, without a multiplier, while the other one is zero too? The other branch may
+    /// be the one on which a solution nearby is.
+    pub fn has_weak_pair(&self, pairs: &[(usize, usize)]) -> bool {
+        let ActiveSet { z, at, .. } = self;
+        let largest = |v: &[f64]| v.iter().fold(1f64, |a, v| a.max(v.abs()));
+        let tol = WEAK * largest(&at.y).max(largest(z));
+        pairs.iter().any(|&(a, b)| at.x[a].max(at.x[b]) <= WEAK && z[a].abs().min(z[b].abs()) <= tol)
+    }
+
     /// Lets go of the bounds that hold without a multiplier; false where there are none.
     pub fn drop_weak(&mut self) -> bool {
         let ActiveSet { x, c: active, z, at, .. } = self;

@@ -66,7 +66,7 @@ impl MpccSolver {
         }
         let mut found: Vec<Option<Tangent>> = vec![None; changes.len()];
         if settled {
-            let one_sided = self.active.is_weak(self.ipm.constraints());
+            let one_sided = self.active.is_weak(self.ipm.constraints()) || self.active.has_weak_pair(p.pairs());
             self.fill(p, changes, one_sided, &mut found);
             if found.contains(&None) && one_sided && self.let_go(p) {
                 self.fill(p, changes, true, &mut found);
