@@ -30,15 +30,13 @@ pub(super) struct Stated {
 /// What a row of the program is.
 #[derive(Clone, Copy)]
 pub(super) struct RowSource {
-    /// Number of the group, [`STATES`] for bounds of states.
-    pub group: usize,
+    /// Number of the group, none for bounds of states.
+    pub group: Option<usize>,
     /// Output of its function, or the state.
     pub out: usize,
     pub lower: f64,
     pub upper: f64,
 }
-
-pub(super) const STATES: usize = usize::MAX;
 
 /// All rows, node by node.
 pub(super) struct Constraints {
@@ -60,7 +58,7 @@ impl Constraints {
             if node > 0 {
                 for (out, (&lower, &upper)) in state_bounds[0].iter().zip(state_bounds[1]).enumerate() {
                     if lower.is_finite() || upper.is_finite() {
-                        sources.push(RowSource { group: STATES, out, lower, upper });
+                        sources.push(RowSource { group: None, out, lower, upper });
                         rows.push(Row { node, price: None });
                     }
                 }
@@ -79,7 +77,7 @@ impl Constraints {
                     if here && (lower.is_finite() || upper.is_finite()) {
                         let scale = if c.place == Where::PricedPath { nodes.h[node] } else { 1.0 };
                         let price = c.price.map(|p| Price { linear: p.linear * scale, quadratic: p.quadratic * scale });
-                        sources.push(RowSource { group, out, lower, upper });
+                        sources.push(RowSource { group: Some(group), out, lower, upper });
                         rows.push(Row { node, price });
                     }
                 }
@@ -101,9 +99,9 @@ impl Constraints {
         }
         for ((v, s), r) in self.values.iter_mut().zip(&self.sources).zip(&self.rows) {
             *v = match s.group {
-                STATES if s.out < nodes.nx => x[r.node * nodes.nx + s.out],
-                STATES => nodes.z[r.node * nodes.nz + s.out - nodes.nx],
-                g => self.groups[g].value[s.out * (nodes.n + 1) + r.node],
+                None if s.out < nodes.nx => x[r.node * nodes.nx + s.out],
+                None => nodes.z[r.node * nodes.nz + s.out - nodes.nx],
+                Some(g) => self.groups[g].value[s.out * (nodes.n + 1) + r.node],
             };
         }
         Ok(())
@@ -121,7 +119,7 @@ impl Constraints {
             for k in 0..=nodes.n {
                 f.set_weights(k, std::iter::repeat_n(0.0, f.n_out()));
             }
-            for ((s, r), mu) in self.sources.iter().zip(&self.rows).zip(mu).filter(|e| e.0 .0.group == g) {
+            for ((s, r), mu) in self.sources.iter().zip(&self.rows).zip(mu).filter(|e| e.0 .0.group == Some(g)) {
                 let at = (f.dims.n_in() + s.out) * f.n + r.node;
                 f.inputs[at] = *mu;
             }
@@ -145,12 +143,12 @@ impl Constraints {
 
     /// Does the program have rows for bounds of state `i`?
     pub fn has_row(&self, i: usize) -> bool {
-        self.sources.iter().any(|s| s.group == STATES && s.out == i)
+        self.sources.iter().any(|s| s.group.is_none() && s.out == i)
     }
 
     /// Other bounds of the differential states, those that have rows.
     pub fn set_state_bounds(&mut self, lower: &[f64], upper: &[f64]) {
-        for s in self.sources.iter_mut().filter(|s| s.group == STATES && s.out < lower.len()) {
+        for s in self.sources.iter_mut().filter(|s| s.group.is_none() && s.out < lower.len()) {
             (s.lower, s.upper) = (lower[s.out], upper[s.out]);
         }
     }
@@ -159,7 +157,7 @@ impl Constraints {
     pub fn write_state_bounds(&self, x: &[f64], qp: &mut StageQp) {
         let nx = qp.nx;
         for (i, (s, r)) in self.sources.iter().zip(&self.rows).enumerate() {
-            if s.group == STATES && s.out < nx {
+            if s.group.is_none() && s.out < nx {
                 let value = x[r.node * nx + s.out];
                 (qp.row_lower[i], qp.row_upper[i]) = (s.lower - value, s.upper - value);
             }
@@ -187,12 +185,12 @@ impl Constraints {
     fn row(&self, nodes: &Nodes, i: usize, row: &mut [f64]) {
         row.fill(0.0);
         let (s, k) = (self.sources[i], self.rows[i].node);
-        if s.group == STATES {
-            nodes.add_derivative(k, s.out, 1.0, row);
-        } else {
-            let f = &self.groups[s.group];
-            for (e, entry) in f.jac_entries.iter().enumerate().filter(|e| e.1 .0 == s.out) {
-                nodes.add_derivative(k, entry.1, f.jac[e * f.n + k], row);
+        match s.group.map(|g| &self.groups[g]) {
+            None => nodes.add_derivative(k, s.out, 1.0, row),
+            Some(f) => {
+                for (e, entry) in f.jac_entries.iter().enumerate().filter(|e| e.1 .0 == s.out) {
+                    nodes.add_derivative(k, entry.1, f.jac[e * f.n + k], row);
+                }
             }
         }
         if k == nodes.n {

@@ -4,7 +4,6 @@
 //! is [`crate::qp::Stagewise`] and the schemes with real-time iterations in C99. All memory is one static object whose size is known
 //! when it is compiled.
 
-use super::constraints::STATES;
 use super::options::{Level, QpMethod, Scheme};
 use super::Nmpc;
 use crate::error::{Error, Result};
@@ -325,7 +324,7 @@ enum {{ MOST = 60, CORRECTIONS = 4, PATIENCE = 1 }};
         let first = (0..nodes.n + 2).map(|k| rows.rows().partition_point(|r| r.node < k));
         ints(out, "ROW_FIRST", first.collect());
         ints(out, "ROW_NODE", rows.rows().iter().map(|r| r.node).collect());
-        let function = |group: usize| if group == STATES { 0 } else { 1 + costs.len() + group };
+        let function = |group: Option<usize>| group.map_or(0, |g| 1 + costs.len() + g);
         ints(out, "ROW_FUN", rows.sources.iter().map(|s| function(s.group)).collect());
         ints(out, "ROW_OUT", rows.sources.iter().map(|s| s.out).collect());
         w.reals(out, "ROW_LOWER", &rows.sources.iter().map(|s| s.lower).collect::<Vec<_>>());
