@@ -131,6 +131,11 @@ impl Accuracy {
         self.outcome == Some(Outcome::Reached)
     }
 
+    /// Does it get to the end, and is it the motion of the answer?
+    pub(super) fn follows(&self) -> bool {
+        self.reached() && self.large().is_none()
+    }
+
     /// The largest difference, where it says that the motion is another one.
     pub fn large(&self) -> Option<Difference> {
         self.apart.filter(|d| d.share() > LARGE)

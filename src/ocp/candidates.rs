@@ -107,12 +107,25 @@ impl Ocp {
     /// Cost of the last answer in a simulation of its controls; infinite where that does not get to the end, `None` where it
     /// cannot be compared: constraints at the end may then be missed by a little, and nobody knows what that is worth.
     pub(super) fn simulated_cost(&mut self, request: &Request) -> Result<Option<f64>> {
-        if !self.terminal.is_empty() || !self.boundary.is_empty() {
+        if !self.costs_compare() {
             return Ok(None);
         }
+        Ok(self.simulated(request)?.map(|a| self.cost_in(&a)))
+    }
+
+    /// Can costs of answers and of simulations be compared?
+    pub(super) fn costs_compare(&self) -> bool {
+        self.terminal.is_empty() && self.boundary.is_empty()
+    }
+
+    /// Cost of the last answer in a simulation of its controls, infinite where that does not get to the end.
+    pub(super) fn cost_in(&self, simulated: &Accuracy) -> f64 {
         let price = self.result.as_ref().map_or(0.0, |r| r.priced - r.cost_reached);
-        let cost = |a: Accuracy| if a.reached() { a.cost + price } else { f64::INFINITY };
-        Ok(self.simulated(request)?.map(cost))
+        if simulated.reached() {
+            simulated.cost + price
+        } else {
+            f64::INFINITY
+        }
     }
 
     /// The simulation of the controls of the last answer from the start to the end; `None` without an answer, or without the time.

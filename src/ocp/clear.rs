@@ -114,7 +114,7 @@ impl Ocp {
         if self.leads_elsewhere()? {
             return Ok(false);
         }
-        Ok(self.simulated(request)?.is_none_or(|a| a.reached() && a.large().is_none()))
+        Ok(self.simulated(request)?.is_none_or(|a| a.follows()))
     }
 
     /// The elements of the last answer.

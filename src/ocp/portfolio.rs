@@ -162,13 +162,11 @@ impl Ocp {
     /// Solves as the request says where to start from; from elsewhere than cold, and where modes are given, as
     /// [`Ocp::run`].
     pub(super) fn search(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
-        if request.start == OcpStart::Race && start != Start::Carried && self.may_smooth(request) {
-            let shifted = self.shifted.take().filter(|_| start == Start::Warm);
-            if shifted.is_some() || start == Start::Cold {
-                return self.search_filippov(Start::Cold, shifted, request, control);
-            }
-        }
         let shifted = self.shifted.take();
+        let last = shifted.as_ref().filter(|_| start == Start::Warm);
+        if request.start == OcpStart::Race && (start == Start::Cold || last.is_some()) && self.may_smooth(request) {
+            return self.search_filippov(last.cloned(), request, control);
+        }
         if let Some(moved) = shifted.filter(|_| start == Start::Warm && self.may_smooth(request)) {
             return match self.solve_shifted(moved, request, control)? {
                 None => self.last_result(),

@@ -108,13 +108,7 @@ impl Ocp {
     }
 
     /// Phases of a simulation along the stages of `r`, without those that are too short to keep.
-    pub(super) fn phases_along(
-        &self,
-        r: &OcpResult,
-        (traced, room): (&Traced, Room),
-        options: &SolveOptions,
-    ) -> Result<Sequence> {
-        let dcs = Dcs::new(&self.system, options.form)?;
+    pub(super) fn phases_along(&self, r: &OcpResult, (traced, room): (&Traced, Room), dcs: &Dcs) -> Sequence {
         // the multipliers of a projected system are cells of their own
         let cells = |set: &[bool]| if self.projected.is_some() { set.to_vec() } else { dcs.from_regions(set) };
         let mut stages = Vec::with_capacity(traced.phases.stages.len());
@@ -133,7 +127,7 @@ impl Ocp {
             }
             stages.push(phases.into_iter().map(|(set, length)| (cells(set), length)).collect());
         }
-        Ok(Sequence { stages })
+        Sequence { stages }
     }
 
     /// The mode program of the phases of a simulation, from its states and the controls of `r`: a copy of the
@@ -146,9 +140,9 @@ impl Ocp {
         request: &Request,
         control: &mut Control,
     ) -> Result<Box<Ocp>> {
-        let form = Dcs::new(&self.system, request.options.form)?.form().clone();
+        let dcs = Dcs::new(&self.system, request.options.form)?;
         let mut work = Box::new(self.blank());
-        let s = self.phases_along(r, (traced, room), &request.options)?;
+        let s = self.phases_along(r, (traced, room), &dcs);
         let own = self.elements(&request.options);
         let n_fe: Vec<usize> = own.iter().zip(&s.stages).map(|(n, s)| (room.elements * n).max(s.len())).collect();
         work.set_elements(&n_fe)?;
@@ -160,7 +154,7 @@ impl Ocp {
         work.params = self.params_from(r);
         let along = (&traced.times[..], &traced.states[..]);
         work.sizes = Some(self.sizes_along(along, &r.controls, &r.durations, known));
-        work.modes = Some(s.modes(&form));
+        work.modes = Some(s.modes(dcs.form()));
         work.run(if room.lowest { Start::Lowest } else { Start::Branch }, request, control)?;
         Ok(work)
     }

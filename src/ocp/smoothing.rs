@@ -149,19 +149,12 @@ impl Smoother {
             if matches!(from, From::Random(_)) && self.is_large() {
                 break;
             }
-            let Some(w0) = self.beginning(from, control) else { continue };
-            let rungs: Vec<Rung> = COMMON.into_iter().filter(|r| r.0 < first).collect();
-            let opened = self.open(first, &w0, control);
-            let climber = opened.and_then(|c| self.climb(c, &rungs, control));
+            let climber = self.ladder((first, from), control);
             if stop::requested().is_some() {
                 break;
             }
             let Some(c) = climber else { continue };
-            let same = |o: &&mut Climber| {
-                let (a, b) = (o.at.objective, c.at.objective);
-                (a - b).abs() <= DIFFERENT * a.abs().max(b.abs())
-            };
-            match field.iter_mut().find(same) {
+            match field.iter_mut().find(|o| is_same(o.at.objective, c.at.objective)) {
                 Some(o) => o.count += 1,
                 None => field.push(c),
             }
@@ -169,26 +162,30 @@ impl Smoother {
         field.sort_by(|a, b| a.at.objective.total_cmp(&b.at.objective));
         let mut found = Vec::new();
         for c in field.into_iter().take(FINISHERS) {
-            let (first, count) = (self.read(&c), c.count);
-            let last = self.climb(c, &[NARROWEST], control);
-            let answers = std::iter::once(first).chain(last.map(|c| self.read(&c))).collect();
-            found.push(Smoothed { answers, count });
+            let count = c.count;
+            found.push(Smoothed { answers: self.finish(c, NARROWEST, control), count });
         }
         found
     }
 
     /// One ladder from the guess, which is an earlier plan: near it, but not bound to its modes.
     pub fn follow(&mut self, control: &mut Control) -> Vec<Smoothed> {
-        let [(width, mu, tol), last] = PLAN;
-        let w0 = self.w0.clone();
-        let sizes = self.sizes.clone();
-        let Some(at) = self.solve(&sizes, width, &Warm { x: &w0, y: &[], z: &[] }, [mu, tol], control) else {
-            return Vec::new();
-        };
-        let c = Climber { sizes: self.sizes_along(&at.x), at, count: 1 };
+        self.plan_ladder(control).map(|answers| Smoothed { answers, count: 1 }).into_iter().collect()
+    }
+
+    /// A ladder down to the width at which costs are compared; `None` where it has no beginning, or ends before.
+    fn ladder(&mut self, (first, from): (f64, From), control: &mut Control) -> Option<Climber> {
+        let w0 = self.beginning(from, control)?;
+        let rungs: Vec<Rung> = COMMON.into_iter().filter(|r| r.0 < first).collect();
+        let opened = self.open(first, &w0, control)?;
+        self.climb(opened, &rungs, control)
+    }
+
+    /// The answer that a ladder is at, and that of its last rung where that has one.
+    fn finish(&mut self, c: Climber, last: Rung, control: &mut Control) -> Vec<OcpResult> {
         let first = self.read(&c);
         let last = self.climb(c, &[last], control);
-        vec![Smoothed { answers: std::iter::once(first).chain(last.map(|c| self.read(&c))).collect(), count: 1 }]
+        std::iter::once(first).chain(last.map(|c| self.read(&c))).collect()
     }
 
     /// Iterations times variables of all so far.
@@ -204,20 +201,14 @@ impl Smoother {
     /// What the next ladder ends at, which is what an earlier one does where both cost the same at the width at which costs are compared. `None` where
     /// there is none left.
     pub fn next_ladder(&mut self, control: &mut Control) -> Option<Vec<OcpResult>> {
-        while let Some((first, from)) = FIRST.into_iter().chain(MORE).nth(self.asked) {
+        while let Some(next) = FIRST.into_iter().chain(MORE).nth(self.asked) {
             self.asked += 1;
-            let Some(w0) = self.beginning(from, control) else { continue };
-            let rungs: Vec<Rung> = COMMON.into_iter().filter(|r| r.0 < first).collect();
-            let opened = self.open(first, &w0, control);
-            let Some(c) = opened.and_then(|c| self.climb(c, &rungs, control)) else { continue };
+            let Some(c) = self.ladder(next, control) else { continue };
             let cost = c.at.objective;
-            let same = |o: f64| (o - cost).abs() <= DIFFERENT * o.abs().max(cost.abs());
-            if let Some(o) = self.ended.iter().find(|o| same(o.0)) {
+            if let Some(o) = self.ended.iter().find(|o| is_same(o.0, cost)) {
                 return Some(o.1.clone());
             }
-            let first = self.read(&c);
-            let last = self.climb(c, &[NARROWEST], control);
-            let answers: Vec<OcpResult> = std::iter::once(first).chain(last.map(|c| self.read(&c))).collect();
+            let answers = self.finish(c, NARROWEST, control);
             self.ended.push((cost, answers.clone()));
             return Some(answers);
         }
@@ -239,9 +230,7 @@ impl Smoother {
         let sizes = self.sizes.clone();
         let at = self.solve(&sizes, width, &Warm { x: &w0, y: &[], z: &[] }, [mu, tol], control)?;
         let c = Climber { sizes: self.sizes_along(&at.x), at, count: 1 };
-        let first = self.read(&c);
-        let last = self.climb(c, &[last], control);
-        Some(std::iter::once(first).chain(last.map(|c| self.read(&c))).collect())
+        Some(self.finish(c, last, control))
     }
 
     fn read(&mut self, c: &Climber) -> OcpResult {
@@ -318,6 +307,11 @@ impl Smoother {
         }
         values.into_iter().zip(&self.sizes).map(|(v, k)| quantile(v).unwrap_or(*k)).collect()
     }
+}
+
+/// Are these costs of one ladder?
+fn is_same(a: f64, b: f64) -> bool {
+    (a - b).abs() <= DIFFERENT * a.abs().max(b.abs())
 }
 
 /// Radau IIA on fixed steps, solved loosely.

@@ -116,7 +116,7 @@ impl Ocp {
             }
             let Some(other) = shooting.simulated(b, (&u, &ends))? else { continue };
             let (lower, upper) = shooting.row_bounds();
-            let off = |v: &Values, i: usize| (lower[i] - v.rows[i]).max(v.rows[i] - upper[i]).max(0.0);
+            let off = |v: &Values, i: usize| violation(v, [lower, upper], i);
             let meets = |i: usize| off(&other, i) <= off(&own, i) + MET * other.usual[i];
             if other.cost < own.cost - NONE * own.cost.abs() && (0..other.rows.len()).all(meets) {
                 return Ok(Some((u, other.cost)));
@@ -130,7 +130,7 @@ impl Ocp {
         let mut shooting = Shooting::new(self, b, from, known)?;
         let Some(values) = shooting.simulated(b, (&from.controls, &from.control_ends))? else { return Ok(None) };
         let (lower, upper) = shooting.row_bounds();
-        let off = |i: usize| (lower[i] - values.rows[i]).max(values.rows[i] - upper[i]);
+        let off = |i: usize| violation(&values, [lower, upper], i);
         Ok((0..values.rows.len()).all(|i| off(i) <= MET * values.usual[i]).then_some(values.cost))
     }
 
@@ -182,7 +182,7 @@ impl Ocp {
         seed: Option<u64>,
     ) -> Result<Option<(Option<Shot>, usize)>> {
         let mut shooting = Shooting::new(self, b, from, known)?;
-        if !(1..=VARIABLES).contains(&shooting.n()) {
+        if !can_vary(&shooting) {
             return Ok(None);
         }
         let mut z = shooting.place(b, (&from.controls, &from.control_ends));
@@ -221,10 +221,20 @@ impl Ocp {
     }
 }
 
+/// Is there something to vary, and not too much?
+fn can_vary(shooting: &Shooting) -> bool {
+    (1..=VARIABLES).contains(&shooting.n())
+}
+
+/// By how much row `i` violates its bounds.
+fn violation(values: &Values, [lower, upper]: [&[f64]; 2], i: usize) -> f64 {
+    (lower[i] - values.rows[i]).max(values.rows[i] - upper[i]).max(0.0)
+}
+
 /// The end of a descent from `z`, or from the nearest point that meets the constraints where that is asked for; `None` where nothing is
 /// simulated, there is nothing to vary, or too much.
 fn lowest(shooting: &mut Shooting, mut z: Vec<f64>, restore: bool) -> Result<Option<Lowest>> {
-    if !(1..=VARIABLES).contains(&shooting.n()) {
+    if !can_vary(shooting) {
         return Ok(None);
     }
     let found = match if restore { sqp::restore(shooting, &z) } else { Ok(None) } {

@@ -36,7 +36,6 @@ impl Ocp {
     /// than was expected: something happened to the plant, and other plans may be better now.
     pub(super) fn search_filippov(
         &mut self,
-        start: Start,
         last: Option<Box<OcpResult>>,
         request: &Request,
         control: &mut Control,
@@ -50,7 +49,7 @@ impl Ocp {
                 (Some(s), Some(_)) => s.clone(),
                 _ => self.sizes()?,
             };
-            let mut known = match last {
+            let known = match last {
                 Some(last) => {
                     let (known, expected) = self.go_on_from(last, &out, request, &mut spent, control)?;
                     if expected {
@@ -62,11 +61,10 @@ impl Ocp {
                 }
                 None => Vec::new(),
             };
-            let mut space = Filippov::new(self, None, out.known.clone(), (start, request), control)?;
-            let all = [Source::Guess, Source::Smoothing, Source::Samples, Source::Relaxation];
-            let sources = if request.start == OcpStart::Smoothing { &all[1..2] } else { &all };
-            let plan = Plan { effort: self.settings.search_effort, ..self.plan(sources, request.search) };
-            let found = explore(&mut space, &plan, std::mem::take(&mut known), &mut spent.budget, control)?;
+            let mut space = Filippov::new(self, None, out.known.clone(), request, control)?;
+            let sources = [Source::Guess, Source::Smoothing, Source::Samples, Source::Relaxation];
+            let plan = Plan { effort: self.settings.search_effort, ..self.plan(&sources, request.search) };
+            let found = explore(&mut space, &plan, known, &mut spent.budget, control)?;
             spent.time_build += space.time_build;
             out.cut = stop::requested();
             Ok::<Known, Error>(found.all)
@@ -78,7 +76,7 @@ impl Ocp {
         let Some(at) = (if solved { Some(0) } else { homotopy }) else {
             // the search was cut before
             let request = Request { start: OcpStart::Homotopy, ..*request };
-            let r = self.run(start, &request, control)?;
+            let r = self.run(Start::Cold, &request, control)?;
             out.add(r);
             return self.spent_in_all(&out, clock);
         };
@@ -91,8 +89,7 @@ impl Ocp {
         let Ok(one) = Rc::try_unwrap(best.one) else {
             return Err(Error::Internal("a solution is in use".into()));
         };
-        let one = one.into_inner();
-        out.best = Some(one);
+        out.best = Some(one.into_inner());
         self.adopt(out, request, control, clock)
     }
 
@@ -112,7 +109,7 @@ impl Ocp {
         self.restate_start(&mut last);
         let noise = SURPRISE * self.largest;
         let expected = last.priced + noise;
-        let mut space = Filippov::new(self, Some(last), out.known.clone(), (Start::Cold, request), control)?;
+        let mut space = Filippov::new(self, Some(last), out.known.clone(), request, control)?;
         let mut step = |source: Source, least: usize, known: Known, control: &mut Control| -> Result<Known> {
             let plan = self.plan(&[source], least);
             Ok(explore(&mut space, &plan, known, &mut spent.budget, control)?.all)

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::rc::Rc;
 
-use crate::dcs::{Across, Dcs, Form};
+use crate::dcs::{Across, Dcs};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::mpcc::{Polish, Solution};
 use crate::nlp::{Control, Nlp, Outcome};
+use crate::ocp::accuracy::Accuracy;
 use crate::ocp::candidates::agree;
 use crate::ocp::moves;
 use crate::ocp::optimality::{Optimality, Verdict, OTHER};
@@ -56,11 +57,19 @@ pub(super) enum Motion {
     Beside(Rc<BTreeMap<Sequence, Motion>>),
 }
 
-/// A simulation of controls.
+/// A simulation of controls, and how much of it is kept.
+#[derive(Clone)]
 pub(super) struct Path {
-    from: OcpResult,
-    traced: Traced,
+    from: Rc<OcpResult>,
+    traced: Rc<Traced>,
     room: Room,
+}
+
+impl Path {
+    /// The same simulation with other room.
+    fn in_room(&self, room: Room) -> Rc<Path> {
+        Rc::new(Path { room, ..self.clone() })
+    }
 }
 
 /// What the program of a sequence ended at.
@@ -89,8 +98,7 @@ pub(super) type Candidate = search::Candidate<Sequence, Motion>;
 pub(super) struct Filippov<'a> {
     ocp: &'a Ocp,
     request: Request,
-    start: Start,
-    form: Form,
+    dcs: Dcs,
     groups: Vec<Range<usize>>,
     across: Vec<Across>,
     n_fe: Vec<usize>,
@@ -115,14 +123,14 @@ impl<'a> Filippov<'a> {
         ocp: &'a Ocp,
         last: Option<Box<OcpResult>>,
         known: Sizes,
-        (start, request): (Start, &Request),
+        request: &Request,
         control: &mut Control,
     ) -> Result<Filippov<'a>> {
-        let form = Dcs::new(&ocp.system, request.options.form)?.form().clone();
+        let dcs = Dcs::new(&ocp.system, request.options.form)?;
+        let form = dcs.form();
         let (groups, across) = (form.groups(), form.groups_across(&ocp.linear, ocp.stage_params.is_some()));
         Ok(Filippov {
             request: Request { plain_branches: true, ..request.of_a_part() },
-            start,
             groups,
             across,
             n_fe: ocp.elements(&request.options),
@@ -136,7 +144,7 @@ impl<'a> Filippov<'a> {
             drawn: 0,
             largest: 0.0,
             time_build: 0.0,
-            form,
+            dcs,
             ocp,
         })
     }
@@ -145,17 +153,15 @@ impl<'a> Filippov<'a> {
     fn along(&self, from: &OcpResult, room: Room, through: bool) -> Result<Option<Rc<Path>>> {
         let o = &self.request.options;
         let traced = if through { self.ocp.trace_through(from, o) } else { self.ocp.trace(from, o) };
-        Ok(traced?.map(|traced| Rc::new(Path { from: from.clone(), traced, room })))
+        Ok(traced?.map(|traced| Rc::new(Path { from: Rc::new(from.clone()), traced: Rc::new(traced), room })))
     }
 
-    fn key(&self, p: &Path) -> Result<Sequence> {
-        let s = self.ocp.phases_along(&p.from, (&p.traced, p.room), &self.request.options)?;
-        Ok((p.room.elements, s.sets()))
+    fn key(&self, p: &Path) -> Sequence {
+        (p.room.elements, self.ocp.phases_along(&p.from, (&p.traced, p.room), &self.dcs).sets())
     }
 
-    fn candidate(&self, path: Rc<Path>) -> Result<Candidate> {
-        let sequence = self.key(&path)?;
-        Ok(Candidate::new(sequence, Motion::Traced(path)))
+    fn candidate(&self, path: Rc<Path>) -> Candidate {
+        Candidate::new(self.key(&path), Motion::Traced(path))
     }
 
     /// The simulation of the guess, or of an answer of before.
@@ -164,18 +170,16 @@ impl<'a> Filippov<'a> {
             return Ok(Vec::new());
         }
         if let Some(last) = &self.last {
-            return self.along(last, NEAR, true)?.map(|p| self.candidate(p)).into_iter().collect();
+            return Ok(self.along(last, NEAR, true)?.map(|p| self.candidate(p)).into_iter().collect());
         }
         let from = self.with(self.ocp.control_guess());
         let Some(path) = self.along(&from, ROUGH, true)? else { return Ok(Vec::new()) };
-        let mut out = vec![self.candidate(path)?];
+        let near = path.in_room(NEAR);
+        let mut out = vec![self.candidate(path)];
         if self.ocp.u_guess.is_some() {
             // a guess that meets the constraints is a solution but for its discretisation, whatever its program leads to
             if let Some(cost) = self.ocp.feasible_cost(&self.template.0, &from, &self.known)? {
-                if let Some(path) = self.along(&from, NEAR, true)? {
-                    let sequence = (0, self.key(&path)?.1);
-                    out.push(Candidate { sequence, motion: Motion::Held(path), promise: cost });
-                }
+                out.push(Candidate { sequence: (0, self.key(&near).1), motion: Motion::Held(near), promise: cost });
             }
         }
         Ok(out)
@@ -198,8 +202,7 @@ impl<'a> Filippov<'a> {
             budget.solved(smoother.n(), &std::mem::take(&mut smoother.spent));
             let mut out = Vec::new();
             for answer in answers.iter().rev() {
-                let path = self.along(answer, ROUGH, false)?;
-                out.extend(path.map(|p| self.candidate(p)).transpose()?);
+                out.extend(self.along(answer, ROUGH, false)?.map(|p| self.candidate(p)));
             }
             if !out.is_empty() || stop::requested().is_some() {
                 return Ok(out);
@@ -227,7 +230,7 @@ impl<'a> Filippov<'a> {
             budget.simulated(self.template.0.problem.n(), evaluations);
             let Some(shot) = shot else { return Ok(vec![nothing()]) };
             let Some(path) = self.along(&shot.moved, LOWEST, true)? else { return Ok(vec![nothing()]) };
-            return Ok(vec![Candidate { promise: shot.cost, ..self.candidate(path)? }]);
+            return Ok(vec![Candidate { promise: shot.cost, ..self.candidate(path) }]);
         }
         Ok(Vec::new())
     }
@@ -251,14 +254,14 @@ impl<'a> Filippov<'a> {
                 Ok(one)
             }
             Motion::Moved { from, sizes, to } => {
-                let mut one = self.ocp.with_sequence(from, to, &self.form, &self.n_fe)?;
+                let mut one = self.ocp.with_sequence(from, to, self.dcs.form(), &self.n_fe)?;
                 one.sizes = Option::clone(sizes);
                 watched(watch, control, |control| one.run(Start::Near, request, control).map(|_| ()))?;
                 Ok(one)
             }
             Motion::Homotopy | Motion::Beside(_) => {
                 let mut one = Box::new(self.ocp.blank());
-                one.run(self.start, &Request { start: OcpStart::Homotopy, ..*request }, control)?;
+                one.run(Start::Cold, &Request { start: OcpStart::Homotopy, ..*request }, control)?;
                 Ok(one)
             }
         }
@@ -426,7 +429,9 @@ impl Space for Filippov<'_> {
     /// by what keeps clear of it.
     fn verify(&mut self, s: &mut Ended, budget: &mut Budget, control: &mut Control) -> Result<()> {
         self.use_idle(s, budget, control)?;
-        let mut follows = s.one.borrow_mut().leads_to_it(&self.request)?;
+        let mut simulated = s.one.borrow_mut().simulated(&self.request)?;
+        let elsewhere = s.one.borrow_mut().leads_elsewhere()?;
+        let mut follows = !elsewhere && simulated.as_ref().is_none_or(Accuracy::follows);
         if !follows {
             let one = s.one.clone();
             let mut spent = Vec::new();
@@ -438,11 +443,14 @@ impl Space for Filippov<'_> {
                 s.rank = r.rank(r.priced, self.largest);
                 (s.result, s.one) = (Rc::new(r), Rc::new(RefCell::new(clear)));
                 follows = true;
+                simulated = s.one.borrow_mut().simulated(&self.request)?;
             }
         }
         let Some(o) = s.one.borrow_mut().judged()? else { return Ok(()) };
-        let simulated = s.one.borrow_mut().simulated_cost(&self.request)?;
-        let differs = simulated.filter(|c| !agree(*c, s.result.priced));
+        let one = s.one.borrow();
+        let costs = simulated.filter(|_| one.costs_compare()).map(|a| one.cost_in(&a));
+        drop(one);
+        let differs = costs.filter(|c| !agree(*c, s.result.priced));
         s.rank.contradicted = !follows || differs.is_some();
         s.rank.cost = differs.unwrap_or(s.result.priced);
         self.descend(s, &o, budget)?;
@@ -474,12 +482,9 @@ impl Space for Filippov<'_> {
         let below = s.lower.iter().map(|p| (p, 0, -1.0));
         for (p, kind, promise) in below.chain(own.iter().map(|p| (p, 1, 0.0))) {
             for elements in [1, FINER[0], FINER[1]] {
-                let room = Room { elements, ..p.room };
-                let p = Rc::new(Path { from: p.from.clone(), traced: p.traced.clone(), room });
+                let p = p.in_room(Room { elements, ..p.room });
                 let promise = if elements == 1 { promise } else { 0.0 };
-                self.key(&p)
-                    .into_iter()
-                    .for_each(|key| add(key, Motion::Traced(p.clone()), promise, kind, !s.certified));
+                add(self.key(&p), Motion::Traced(p), promise, kind, !s.certified);
             }
         }
         if s.homotopy && s.result.polish != Polish::Done {
@@ -489,11 +494,8 @@ impl Space for Filippov<'_> {
         let now = moves::Sequence::of(&s.result);
         let sizes = Rc::new(s.one.borrow().sizes.clone());
         let further = s.before.as_ref().and_then(|before| now.beyond(before));
-        for (kind, to) in further
-            .into_iter()
-            .map(|s| (2, s))
-            .chain(now.neighbours(&self.groups, &self.across).into_iter().map(|s| (3, s)))
-        {
+        let next = now.neighbours(&self.groups, &self.across).into_iter().map(|s| (3, s));
+        for (kind, to) in further.map(|s| (2, s)).into_iter().chain(next) {
             let sequence = (1, to.sets());
             let motion = Motion::Moved { from: s.result.clone(), sizes: sizes.clone(), to: Rc::new(to) };
             add(sequence, motion, 0.0, kind, !s.certified);
