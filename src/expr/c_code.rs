@@ -113,14 +113,18 @@ fn single(code: &str) -> Result<String> {
     Ok(out)
 }
 
+/// Letters, digits and underscores, a digit not first?
+pub(crate) fn is_c_identifier(name: &str) -> bool {
+    name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        && name.chars().next().is_some_and(|c| !c.is_ascii_digit())
+}
+
 /// Checks all names and declares what is called.
 fn declarations<'a>(out: &mut String, own: &[&str], tapes: impl Iterator<Item = &'a Tape>) -> Result<()> {
     let mut names: Vec<&str> = Vec::new();
     let externals = externals(tapes);
     for name in own.iter().copied().chain(externals.iter().map(|e| e.0.name())) {
-        let identifier = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-            && name.chars().next().is_some_and(|c| !c.is_ascii_digit());
-        if !identifier || names.contains(&name) {
+        if !is_c_identifier(name) || names.contains(&name) {
             return Err(Error::Range(format!(
                 "'{name}' cannot name a function in C: use letters, digits and underscores, each name once"
             )));

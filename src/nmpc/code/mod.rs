@@ -7,7 +7,7 @@
 use super::options::{Level, QpMethod, Scheme};
 use super::Nmpc;
 use crate::error::{Error, Result};
-use crate::expr::{write_c_first, CReal, ExprFunction};
+use crate::expr::{is_c_identifier, write_c_first, CReal, ExprFunction};
 use crate::system::SharedFunction;
 use std::fmt::Write;
 
@@ -128,9 +128,8 @@ impl Nmpc {
     /// expressions, and other schemes than [`Scheme::Rti`] and [`Scheme::AsRti`] with [`Level::D0`]; [`Error::State`] where the controller does not
     /// solve its programs stage by stage; [`Error::Range`] for a prefix that is no C identifier.
     pub fn write_c(&mut self, prefix: &str, real: CReal) -> Result<CCode> {
-        let identifier = prefix.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-            && prefix.chars().next().is_some_and(|c| c.is_ascii_alphabetic());
-        if !identifier {
+        // names that begin with an underscore are those of the implementation of C
+        if !is_c_identifier(prefix) || prefix.starts_with('_') {
             return Err(Error::Range(format!(
                 "'{prefix}' cannot begin names in C: use letters, digits and underscores"
             )));
