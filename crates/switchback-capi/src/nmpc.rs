@@ -766,7 +766,7 @@ pub unsafe extern "C" fn swb_nmpc_get_multipliers(
             raw::check_slice(mu, n_mu, n * nu, "mu")?;
             raw::check_slice(row_mu, n_row_mu, rows, "row_mu")?;
             raw::check_slice(nodes, n_nodes, rows, "nodes")?;
-            c.run(|c| {
+            c.worker.with(|c| {
                 c.row_nodes().enumerate().for_each(|(i, k)| nodes.add(i).write(k as i64));
                 let plan = c.plan();
                 raw::write_slice(lambda, n_lambda, plan.lambda(), "lambda")?;
@@ -864,7 +864,7 @@ pub unsafe extern "C" fn swb_nmpc_get_plan(
             let [n, nx, nu] = c.worker.sizes();
             raw::check_slice(x, n_x, (n + 1) * nx, "x")?;
             raw::check_slice(u, n_u, n * nu, "u")?;
-            c.run(|c| {
+            c.worker.with(|c| {
                 let plan = c.plan();
                 raw::write_slice(x, n_x, plan.x(), "x")?;
                 raw::write_slice(u, n_u, plan.u(), "u")
