@@ -345,10 +345,69 @@ static void transitions(void)
     swb_expr_free(h);
 }
 
+/* x' = pulse; y is x at 0.25, 0.55 and 0.85, and at 0.9 what it is then is doubled; the pulse lasts for half of every period of 0.4. */
+static void clocks(void)
+{
+    static const double numbers[4] = {0.0, 0.5, 1.5, 2.0}, nan_ = 0.0 / 0.0, once[1] = {0.9}, past[2] = {2.0, 1.0}, one = 1.0;
+    static const double x0[6] = {0};
+    static const int64_t sampled = 1, pulse = 2, strikes = 3, times = 4, pulses = 5, missing = 7;
+    int64_t x[6], c[4], rhs[6], doubled, index = -1;
+    double end[6];
+    swb_expr *g = NULL;
+    swb_model *m = NULL;
+    swb_system *system = NULL;
+    swb_integrator *integrator = NULL;
+    int32_t outcome = -1;
+    CHECK_OK(swb_expr_create(&g));
+    CHECK_OK(swb_expr_inputs(g, SWB_INPUT_X, 0, x, 6));
+    CHECK_OK(swb_expr_constants(g, numbers, 4, c, 4));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &c[3], &x[1], NULL, &doubled, 1));
+    for (int i = 0; i < 6; i++)
+        rhs[i] = i ? c[0] : x[2];
+    CHECK_OK(swb_model_create(g, "clocked", 6, 0, 0, rhs, NULL, NULL, &m));
+    CHECK_OK(swb_model_set_discrete(m, x0, 5));
+
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_clock(m, g, 0.0, 0.0, strikes, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_clock(m, g, 1.0, nan_, strikes, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_clock(m, g, 1.0, 0.0, missing, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK(strstr(swb_last_error(), "counts in state 7") != NULL);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_clock(m, g, 1.0, 0.0, strikes, NULL, 0, NULL, 0, &strikes, 1, &one, 1, &index));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_add_clock(m, g, 1.0, 0.0, strikes, &sampled, 1, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_NULL, swb_model_add_clock(NULL, g, 1.0, 0.0, strikes, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_NULL, swb_model_add_clock(m, NULL, 1.0, 0.0, strikes, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_times(m, g, past, 2, times, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_times(m, g, past, 0, times, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_NULL, swb_model_add_times(m, g, NULL, 2, times, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_pwm(m, g, c[2], 0.4, 0.0, pulse, pulses, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_pwm(m, g, -1, 0.4, 0.0, pulse, pulses, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_pwm(m, g, c[1], 0.4, 0.0, missing, pulses, &index));
+    CHECK(index == -1);
+
+    CHECK_OK(swb_model_add_clock(m, g, 0.3, 0.25, strikes, &sampled, 1, &x[0], 1, NULL, 0, NULL, 0, &index));
+    CHECK(index == 0);
+    CHECK_OK(swb_model_add_times(m, g, once, 1, times, &sampled, 1, &doubled, 1, NULL, 0, NULL, 0, NULL));
+    CHECK_OK(swb_model_add_pwm(m, g, c[1], 0.4, 0.0, pulse, pulses, &index));
+    CHECK(index == 2);
+    CHECK_OK(swb_model_system(m, &system));
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, x0, 6));
+    CHECK_OK(swb_integrator_advance(integrator, 1.05, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_OK(swb_integrator_get_state(integrator, end, 6));
+    CHECK(fabs(end[0] - 0.6) < 1e-6);     /* 0.2, 0.2, 0.2 */
+    CHECK(fabs(end[1] - 2 * 0.45) < 1e-6); /* 0.2 + 0.2 + 0.05 at 0.85 */
+    CHECK(end[2] == 0 && end[3] == 3 && end[4] == 1 && end[5] == 3);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    swb_model_free(m);
+    swb_expr_free(g);
+}
+
 int main(void)
 {
     models();
     transitions();
+    clocks();
     supplied_functions();
     problems();
     return CHECK_DONE();

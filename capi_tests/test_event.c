@@ -139,6 +139,15 @@ static void adjoint(void)
     CHECK_STATUS(SWB_ERR_INTERRUPTED,
                  swb_integrator_adjoint(i, v, 2, NULL, 0, NULL, 0, NULL, 0, NULL, 0, g, 2, NULL, 0, NULL, 0));
     CHECK_OK(swb_integrator_adjoint(i, v, 2, NULL, 0, NULL, 0, NULL, 0, NULL, 0, g, 2, NULL, 0, NULL, 0));
+    double bent[2], moved[2];
+    CHECK_OK(swb_integrator_adjoint_along(i, v, 2, v, 2, NULL, 0, NULL, 0, bent, 2, NULL, 0, NULL, 0, moved, 2));
+    CHECK(isfinite(bent[0]) && isfinite(bent[1]) && isfinite(moved[0]) && isfinite(moved[1]));
+    CHECK_STATUS(SWB_ERR_DIMENSION,
+                 swb_integrator_adjoint_along(i, v, 2, v, 1, NULL, 0, NULL, 0, bent, 2, NULL, 0, NULL, 0, moved, 2));
+    CHECK_STATUS(SWB_ERR_DIMENSION,
+                 swb_integrator_adjoint_along(i, v, 2, v, 2, NULL, 0, NULL, 0, bent, 1, NULL, 0, NULL, 0, moved, 2));
+    CHECK_STATUS(SWB_ERR_NULL,
+                 swb_integrator_adjoint_along(NULL, v, 2, v, 2, NULL, 0, NULL, 0, bent, 2, NULL, 0, NULL, 0, moved, 2));
     CHECK_NEAR(g[0], exp(OSCILLATOR_T), 1e-8);
     CHECK_NEAR(g[1], 0.0, 1e-8);
     CHECK_STATUS(SWB_ERR_RANGE,

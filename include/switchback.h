@@ -6244,6 +6244,88 @@ swb_status swb_model_add_event(struct swb_model *model,
                                int64_t *index);
 
 /**
+ * Add a clock to a model: a transition at the times offset, offset + period, and so on. The times are those of the formula to the last digit, however many there
+ * are. A run that begins later begins with the number of times before it as the count.
+ *
+ * @param[in]  graph         the graph the model was made of
+ * @param[in]  period        from one time to the next, positive
+ * @param[in]  offset        the first time
+ * @param[in]  count         the discrete state that counts the times
+ * @param[in]  reset_states  [n_reset_states] states that become what
+ * @param[in]  resets        [n_resets] these expressions of the state before say, which may switch and jump: a value that is sampled, a controller
+ * @param[in]  to_states     [n_to_states] discrete states that get the values
+ * @param[in]  to_values     [n_to_values] behind the reset
+ * @param[out] index         number of the transition; may be NULL
+ * @return as swb_model_add_transition; SWB_ERR_RANGE for times that are not finite, a period that is not positive, or a reset of the count
+ */
+SWB_API
+swb_status swb_model_add_clock(struct swb_model *model,
+                               struct swb_expr *graph,
+                               double period,
+                               double offset,
+                               int64_t count,
+                               const int64_t *reset_states,
+                               int64_t n_reset_states,
+                               const int64_t *resets,
+                               int64_t n_resets,
+                               const int64_t *to_states,
+                               int64_t n_to_states,
+                               const double *to_values,
+                               int64_t n_to_values,
+                               int64_t *index);
+
+/**
+ * Add a clock with a list of times to a model: a transition for each.
+ *
+ * @param[in]  graph         the graph the model was made of
+ * @param[in]  times         [n_times] which increase, one at least
+ * @param[in]  count         the discrete state that counts the times
+ * @param[in]  reset_states  [n_reset_states] states that become what
+ * @param[in]  resets        [n_resets] these expressions of the state before say, at every time the same; they may depend on the count
+ * @param[in]  to_states     [n_to_states] discrete states that get the values
+ * @param[in]  to_values     [n_to_values] behind the reset
+ * @param[out] index         number of the first transition; may be NULL
+ * @return as swb_model_add_clock; SWB_ERR_RANGE for times that do not increase, or that there are none of
+ */
+SWB_API
+swb_status swb_model_add_times(struct swb_model *model,
+                               struct swb_expr *graph,
+                               const double *times,
+                               int64_t n_times,
+                               int64_t count,
+                               const int64_t *reset_states,
+                               int64_t n_reset_states,
+                               const int64_t *resets,
+                               int64_t n_resets,
+                               const int64_t *to_states,
+                               int64_t n_to_states,
+                               const double *to_values,
+                               int64_t n_to_values,
+                               int64_t *index);
+
+/**
+ * Add pulse-width modulation to a model: a discrete state is 1 from the times offset, offset + period, and so on, until a part of the period is over, and then 0.
+ *
+ * @param[in]  graph   the graph the model was made of
+ * @param[in]  duty    the part, an expression: the pulse ends where the ramp reaches it
+ * @param[in]  period  from one time to the next, positive
+ * @param[in]  offset  the first time
+ * @param[in]  pulse   the discrete state that is the pulse
+ * @param[in]  count   another one, which counts the times
+ * @param[out] index   number of the transition that ends the pulse, before that of the clock; may be NULL
+ * @return as swb_model_add_clock; SWB_ERR_RANGE for a number that is not between 0 and 1 as the part
+ */
+SWB_API
+swb_status swb_model_add_pwm(struct swb_model *model,
+                             struct swb_expr *graph,
+                             int64_t duty,
+                             double period,
+                             double offset,
+                             int64_t pulse,
+                             int64_t count,
+                             int64_t *index);
+
+/**
  * Effect, trigger and name of a transition of a model.
  *
  * @param[in]  index   of the transition, from 0
@@ -6607,6 +6689,40 @@ swb_status swb_integrator_adjoint(struct swb_integrator *integrator,
                                   int64_t np,
                                   double *du,
                                   int64_t nu);
+
+/**
+ * Derivative of a gradient by swb_integrator_adjoint in a direction: the product of the Hessian with it, where v does not change. What v changes by adds a
+ * gradient of its own. Needs the option adjoint; the derivative has about half of the digits, and costs about ten gradients.
+ *
+ * @param[in]  v       [nx] the derivative of the function with respect to the state reached
+ * @param[in]  x0      [nx0] nx, direction of the initial state
+ * @param[in]  p       [np] direction of the parameters
+ * @param[in]  u       [nu] direction of the controls
+ * @param[out] ddx0    [nddx0] nx, derivative of the gradient with respect to the initial state
+ * @param[out] ddp     [nddp] np, derivative of the gradient with respect to the parameters
+ * @param[out] ddu     [nddu] nu, derivative of the gradient with respect to the controls
+ * @param[out] dx      [ndx] nx, derivative of the state reached in the direction
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE for numbers that are not finite; SWB_ERR_STATE without the option adjoint; SWB_ERR_UNSUPPORTED where the run
+ *         has implicit steps, contacts, zeros of higher order, or transitions that follow another event at the same time; SWB_ERR_INTERRUPTED
+ */
+SWB_API
+swb_status swb_integrator_adjoint_along(struct swb_integrator *integrator,
+                                        const double *v,
+                                        int64_t nx,
+                                        const double *x0,
+                                        int64_t nx0,
+                                        const double *p,
+                                        int64_t np,
+                                        const double *u,
+                                        int64_t nu,
+                                        double *ddx0,
+                                        int64_t nddx0,
+                                        double *ddp,
+                                        int64_t nddp,
+                                        double *ddu,
+                                        int64_t nddu,
+                                        double *dx,
+                                        int64_t ndx);
 
 /**
  * Set an integer or enumeration option of an integrator (or a float one, to an integer) by name. Options of the

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use switchback::event::{Engine, Jump, Kind, Method, Options, Outcome, Sensitivity, Term};
 use switchback::expr::{Expr, Graph};
 use switchback::func::Dims;
+use switchback::model::{Clock, Model, Pwm, Strikes};
 use switchback::settings::Settings;
 use switchback::system::{Direction, Rule, SharedFunction, System, Transition};
 
@@ -478,4 +479,58 @@ fn units_do_not_matter() {
         assert!(off(&found, &times(base.jumps())) < 1e-9, "{a:e} {b:e}: {found:?}");
         assert!((r.state()[0] / a - base.state()[0]).abs() < 1e-7, "{a:e} {b:e}");
     }
+}
+
+fn clocked(
+    nx: usize,
+    discrete: usize,
+    rhs: &[switchback::expr::Expr],
+    add: impl Fn(&mut Model),
+    graph: &Graph,
+    end: f64,
+) -> Vec<f64> {
+    let mut m = Model::from_rhs("clocked", 0, 0, rhs).unwrap();
+    m.set_discrete(&vec![0.0; discrete]).unwrap();
+    add(&mut m);
+    let built = m.build(graph).unwrap();
+    let mut e = Engine::new(&built.system, &Options::with_tolerance(1e-9, 1e-10)).unwrap();
+    e.reinit(0.0, &vec![0.0; nx]).unwrap();
+    assert_eq!(e.advance(end).unwrap(), Outcome::Reached, "{}", e.reason());
+    e.state().to_vec()
+}
+
+/// The time is sampled at 0.25, 0.55, ..., 0.85, and is 0.85 at the last time before 1.
+#[test]
+fn a_clock_samples_and_counts() {
+    let g = Graph::new();
+    let rhs = [g.constant(1.0), g.constant(0.0), g.constant(0.0)];
+    let clock = Clock { reset: vec![(1, g.x(0).id())], ..Clock::every(0.3, 0.25, 2) };
+    let x = clocked(3, 2, &rhs, |m| assert_eq!(m.add_clock(&mut g.dag(), &clock).unwrap(), 0), &g, 1.0);
+    assert!((x[0] - 1.0).abs() < 1e-9 && (x[1] - 0.85).abs() < 1e-9, "{x:?}");
+    assert_eq!(x[2], 3.0);
+}
+
+#[test]
+fn a_list_of_times_resets_at_each() {
+    let g = Graph::new();
+    let rhs = [g.constant(0.0), g.constant(0.0)];
+    // 3 (3 (0 + 1) + 1) + 1
+    let reset = vec![(0, (3.0 * g.x(0) + 1.0).id())];
+    let clock = Clock { strikes: Strikes::At(vec![0.1, 0.2, 0.9]), count: 1, reset, to: Vec::new() };
+    let x = clocked(2, 1, &rhs, |m| assert_eq!(m.add_clock(&mut g.dag(), &clock).unwrap(), 0), &g, 1.0);
+    assert_eq!(x, [13.0, 3.0]);
+}
+
+/// The integral of the pulse is the duty, here a ramp: in period `k` the pulse ends where `t = k + (t + 1) / 8`.
+#[test]
+fn pulses_are_as_wide_as_the_duty_says() {
+    let g = Graph::new();
+    let rhs = [g.x(1), g.constant(0.0), g.constant(0.0)];
+    let duty = ((g.t() + 1.0) / 8.0).id();
+    let pwm = Pwm { duty, period: 1.0, offset: 0.0, pulse: 1, count: 2 };
+    let x = clocked(3, 2, &rhs, |m| assert_eq!(m.add_pwm(&mut g.dag(), &pwm).unwrap(), 0), &g, 3.5);
+    // of the last one half a period is over
+    let widths = (1.0 + 2.0 + 3.0) / 7.0 + 0.5;
+    assert!((x[0] - widths).abs() < 1e-8, "{} {widths}", x[0]);
+    assert_eq!(x[2], 4.0);
 }

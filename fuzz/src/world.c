@@ -85,14 +85,17 @@ static swb_status write_simulator(void *sim, char *text, int64_t n, int64_t *nee
 static void simulate(struct random *r, const struct friction *f, const swb_settings *s)
 {
     static const double v[FRICTION_NX] = {1.0, 0.0};
-    double dx[FRICTION_NX], dp[FRICTION_NP], du[FRICTION_NU];
+    double dx[FRICTION_NX] = {0}, dp[FRICTION_NP] = {0}, du[FRICTION_NU] = {0}, moved[FRICTION_NX];
     int32_t outcome;
     swb_integrator *it = friction_integrator(f, s);
     swb_run *run = NULL;
     if (keep(T_swb_integrator, it))
         DO(swb_integrator_advance, it, random_between(r, 0.1, 2.0), &outcome);
-    if (it)
+    if (it) {
         DO(swb_integrator_adjoint, it, v, FRICTION_NX, NULL, 0, NULL, 0, NULL, 0, NULL, 0, dx, FRICTION_NX, dp, FRICTION_NP, du, FRICTION_NU);
+        DO(swb_integrator_adjoint_along, it, v, FRICTION_NX, dx, FRICTION_NX, dp, FRICTION_NP, du, FRICTION_NU, dx, FRICTION_NX, dp, FRICTION_NP, du,
+           FRICTION_NU, moved, FRICTION_NX);
+    }
     if (it && DO(swb_integrator_get_run, it, &run)) {
         double by[FRICTION_NX + FRICTION_NP + FRICTION_NU];
         int32_t before[2], after[2];
@@ -230,6 +233,10 @@ static void heater(const swb_settings *s)
     pool_add(T_swb_integrator, it);
     DO(swb_integrator_reinit, it, 0.0, start, 2);
     DO(swb_integrator_advance, it, 2.0, &outcome);
+    /* no system is made of it any more: the same state counts for all of them */
+    DO(swb_model_add_clock, model, graph, 0.5, 0.1, 1, &x_, 1, &raised, 1, NULL, 0, NULL, 0, NULL);
+    DO(swb_model_add_times, model, graph, numbers, 1, 1, &x_, 1, &raised, 1, NULL, 0, NULL, 0, NULL);
+    DO(swb_model_add_pwm, model, graph, c[0], 1.0, 0.0, 1, 0, NULL);
 }
 
 /* A scene in numerical time. */

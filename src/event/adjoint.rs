@@ -1,5 +1,7 @@
 //! Adjoint sensitivities: the transpose of every operation of [`sens`](super::sens), in reverse order.
 
+pub(super) mod along;
+
 use super::collocation::Collocation;
 use super::explicit::{self, Pair};
 use super::field::{Field, Rows, StagesOf};
@@ -69,6 +71,9 @@ struct Sweep<'a> {
     jacobians: Vec<Rows>,
 }
 
+/// Time, length, the part of it that is gone, and what comes behind its end, of a step.
+type Times = (f64, f64, f64, f64);
+
 /// Derivatives that are this share of the sizes of their terms are zero.
 const ROUNDING: f64 = 1e-9;
 
@@ -101,23 +106,9 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
 }
 
 fn back(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], terms: &[Term], sought: Sought) -> Result<Gradient> {
-    let (nx, n_z) = (field.nx, field.n_z);
-    let most = field.n_cells.saturating_sub(field.subs.len());
+    let nx = field.nx;
     let mut terms = Terms::sorted(tape, nx, terms)?;
-    let mut s = Sweep {
-        v: v.to_vec(),
-        g: vec![0.0; n_z - 1 - nx],
-        collocation: Collocation::new(nx, n_z, most),
-        x: vec![0.0; nx],
-        w: vec![0.0; 3 * (nx + most)],
-        y: vec![0.0; 13 * nx],
-        k: vec![[0.0; 16]; nx],
-        jacobians: Vec::new(),
-        tape,
-        radau,
-        field,
-    };
-    s.load(tape.entries.len());
+    let mut s = Sweep::new(tape, radau, field, v);
     for (i, e) in tape.entries.iter().enumerate().rev() {
         stop::check()?;
         let r = match *e {
@@ -128,17 +119,17 @@ fn back(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], terms: &[Term]
             Entry::Explicit { at, set, t, h, part, end, rest, pair } => {
                 terms.add_states(end, &mut s.v);
                 s.enter(set);
-                s.explicit(at, (t, h, part, rest), pair)
+                s.explicit(&tape.data[at..], (t, h, part, rest), pair)
             }
             Entry::Implicit { at, set, t, h, end } => {
                 terms.add_states(end, &mut s.v);
                 s.enter(set);
                 s.implicit(at, t, h)
             }
-            Entry::Switch { at, first, time } => {
+            Entry::Switch { at, first, time, .. } => {
                 let weight = terms.take_switches(first);
                 match (time, weight) {
-                    (Time::Moves, w) => s.switch(at, w.unwrap_or(0.0)),
+                    (Time::Moves, w) => s.switch(&tape.data[at..], w.unwrap_or(0.0)),
                     (Time::Unknown, Some(_)) => {
                         let why = "switches accumulate before it";
                         return Err(Error::State(format!("the time of switch {first} has no derivative: {why}")));
@@ -147,9 +138,9 @@ fn back(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], terms: &[Term]
                 }
                 Ok(())
             }
-            Entry::Jump { at, first, log, n } => {
+            Entry::Jump { at, first, log, n, .. } => {
                 let weight = terms.take_switches(first).unwrap_or(0.0) + terms.take_jumps(log);
-                s.jump(at, n, weight);
+                s.jump(&tape.data[at..], n, weight);
                 Ok(())
             }
             Entry::Part { at, n } => {
@@ -174,11 +165,7 @@ fn back(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], terms: &[Term]
                 known.map(|()| s.project())
             }
         };
-        r.map_err(|e| match e {
-            EvalError::Recoverable => Error::NonFinite("a derivative of the model has no value along the run".into()),
-            EvalError::Fatal(code) => Error::User { code, what: "a function of the model".into() },
-            EvalError::Stopped => stop::error(),
-        })?;
+        recovered(r)?;
     }
     terms.add_states(tape.start, &mut s.v);
     if let Some((t, _)) = terms.states.last() {
@@ -186,6 +173,14 @@ fn back(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], terms: &[Term]
     }
     let u = s.g.split_off(s.field.p.len());
     Ok(Gradient { x0: s.v, p: s.g, u })
+}
+
+fn recovered(r: EvalResult) -> Result<()> {
+    r.map_err(|e| match e {
+        EvalError::Recoverable => Error::NonFinite("a derivative of the model has no value along the run".into()),
+        EvalError::Fatal(code) => Error::User { code, what: "a function of the model".into() },
+        EvalError::Stopped => stop::error(),
+    })
 }
 
 /// The terms in the order of time; the last ones are taken first.
@@ -257,7 +252,27 @@ fn take(weights: &mut Vec<(usize, f64)>, first: usize) -> Option<f64> {
     (!taken.is_empty()).then(|| taken.iter().map(|s| s.1).sum())
 }
 
-impl Sweep<'_> {
+impl<'a> Sweep<'a> {
+    fn new(tape: &'a Tape, radau: &'a Radau, field: &'a mut Field, v: &[f64]) -> Sweep<'a> {
+        let (nx, n_z) = (field.nx, field.n_z);
+        let most = field.n_cells.saturating_sub(field.subs.len());
+        let mut s = Sweep {
+            v: v.to_vec(),
+            g: vec![0.0; n_z - 1 - nx],
+            collocation: Collocation::new(nx, n_z, most),
+            x: vec![0.0; nx],
+            w: vec![0.0; 3 * (nx + most)],
+            y: vec![0.0; 13 * nx],
+            k: vec![[0.0; 16]; nx],
+            jacobians: Vec::new(),
+            tape,
+            radau,
+            field,
+        };
+        s.load(tape.entries.len());
+        s
+    }
+
     /// Parameters and controls as they were before entry `i`.
     fn load(&mut self, i: usize) {
         let at = |e: &Entry| if let Entry::Data { at } = e { Some(*at) } else { None };
@@ -274,13 +289,16 @@ impl Sweep<'_> {
         }
     }
 
-    /// The transpose of `K_i = J_i (S + h Σ_j a_ij K_j)`, `S⁺ = S + h Σ_j b_j K_j`, of the rest behind the end, and in a sliding mode of
-    /// the projection onto the surfaces there. Where only a part of the step is gone the `b_j` are those of its dense output.
-    fn explicit(&mut self, at: usize, (t, h, part, rest): (f64, f64, f64, f64), pair: Pair) -> EvalResult {
-        let (nx, last_column) = (self.field.nx, self.field.n_z - 1);
-        let rows = pair.rows().0;
-        let last = rows.len() - 1;
-        let (x0, rest_of) = self.tape.data[at..].split_at(nx);
+    /// Takes the Jacobians of a step at its stages from what is recorded of it. The weights of its dense output, where it ends there.
+    fn read_step(
+        &mut self,
+        data: &[f64],
+        (t, h, part, rest): Times,
+        pair: Pair,
+    ) -> std::result::Result<Option<Stages>, EvalError> {
+        let nx = self.field.nx;
+        let last = pair.rows().0.len() - 1;
+        let (x0, rest_of) = data.split_at(nx);
         let inside = (part < 1.0).then(|| explicit::weights_at(pair, part));
         let (derivatives, traces) = rest_of.split_at((last + usize::from(inside.is_some())) * nx);
         for (j, own) in derivatives.chunks_exact(nx).enumerate() {
@@ -290,16 +308,41 @@ impl Sweep<'_> {
         let n = last + usize::from(rest != 0.0 || inside.is_some());
         let stages = StagesOf { pair, t, h, x0, k: &self.k, n };
         self.field.linearise_stages(&stages, &mut self.jacobians)?;
-        if self.field.asks_for_weights() && !self.field.is_explicit_only() {
-            match &inside {
-                Some(weights) => {
-                    for ((x, x0), k) in self.x.iter_mut().zip(x0).zip(&self.k) {
-                        *x = x0 + h * weights.iter().zip(k).map(|(w, k)| w * k).sum::<f64>();
-                    }
+        Ok(inside)
+    }
+
+    /// Where a step ends that is put onto surfaces there, the field stands there then; says whether it is.
+    fn stand_at_end(
+        &mut self,
+        x0: &[f64],
+        (t, h, part): (f64, f64, f64),
+        pair: Pair,
+        inside: Option<&Stages>,
+    ) -> std::result::Result<bool, EvalError> {
+        if !self.field.asks_for_weights() || self.field.is_explicit_only() {
+            return Ok(false);
+        }
+        let last = pair.rows().0.len() - 1;
+        match inside {
+            Some(weights) => {
+                for ((x, x0), k) in self.x.iter_mut().zip(x0).zip(&self.k) {
+                    *x = x0 + h * weights.iter().zip(k).map(|(w, k)| w * k).sum::<f64>();
                 }
-                None => stages.point(last, &mut self.x),
             }
-            self.field.hidden(t + part * h, &self.x)?;
+            None => StagesOf { pair, t, h, x0, k: &self.k, n: last }.point(last, &mut self.x),
+        }
+        self.field.hidden(t + part * h, &self.x)?;
+        Ok(true)
+    }
+
+    /// The transpose of `K_i = J_i (S + h Σ_j a_ij K_j)`, `S⁺ = S + h Σ_j b_j K_j`, of the rest behind the end, and in a sliding mode of
+    /// the projection onto the surfaces there. Where only a part of the step is gone the `b_j` are those of its dense output.
+    fn explicit(&mut self, data: &[f64], (t, h, part, rest): Times, pair: Pair) -> EvalResult {
+        let (nx, last_column) = (self.field.nx, self.field.n_z - 1);
+        let rows = pair.rows().0;
+        let last = rows.len() - 1;
+        let inside = self.read_step(data, (t, h, part, rest), pair)?;
+        if self.stand_at_end(&data[..nx], (t, h, part), pair, inside.as_ref())? {
             self.project();
         }
         for i in (0..=last).rev() {
@@ -361,17 +404,17 @@ impl Sweep<'_> {
     }
 
     /// The transpose of `S⁺ = S + (ẋ⁻ − ẋ⁺) dt`.
-    fn switch(&mut self, at: usize, weight: f64) {
+    fn switch(&mut self, data: &[f64], weight: f64) {
         let (nx, n_c) = (self.field.nx, self.field.n_z - 1);
-        let (row, jump) = self.tape.data[at..at + n_c + nx].split_at(n_c);
+        let (row, jump) = data[..n_c + nx].split_at(n_c);
         let w = self.v.iter().zip(jump).fold(weight, |w, (v, j)| w + v * j);
         add_row(w, row, &mut self.v, &mut self.g);
     }
 
     /// The transpose of `S⁺ = r_x (S + f⁻ dt) + r_p + r_t dt − f⁺ dt`, with `n` resets one after the other.
-    fn jump(&mut self, at: usize, n: usize, weight: f64) {
+    fn jump(&mut self, data: &[f64], n: usize, weight: f64) {
         let (nx, n_c) = (self.field.nx, self.field.n_z - 1);
-        let (row, rest) = self.tape.data[at..].split_at(n_c);
+        let (row, rest) = data.split_at(n_c);
         let (before, rest) = rest.split_at(nx);
         let (after, resets) = rest.split_at(nx);
         let dot = |v: &[f64], f: &[f64]| v.iter().zip(f).map(|(v, f)| v * f).sum::<f64>();

@@ -395,7 +395,7 @@ impl UnitEvents {
     /// Has so much been spent on neighbours that it is cheaper to end the step?
     pub(super) fn is_spent(&self, stages: usize) -> bool {
         /// How much shorter a step should have been; it is not known beforehand when many events come together.
-        const SHORTER: f64 = 0.5;
+        const SHORTER: f64 = 0.25;
         self.growth(stages) < SHORTER
     }
 
@@ -494,24 +494,21 @@ impl UnitEvents {
         self.asked.clear();
     }
 
-    /// The states that were integrated anew at the last event of this source.
-    pub(super) fn reach_of(&self, source: usize) -> &[u32] {
-        &self.reach[source]
+    /// The states that were integrated anew at the last event of this source; nothing is known of it any more.
+    pub(super) fn take_reach(&mut self, source: usize) -> impl Iterator<Item = u32> + '_ {
+        self.reached -= self.reach[source].len();
+        self.reach[source].drain(..)
     }
 
-    /// Notes these states for the next event of the source: those of the group that `counts` says. Lists are as long together as a few lists of
-    /// all states.
-    pub(super) fn note_reach(&mut self, source: usize, counts: impl Fn(&UnitEvents, usize) -> bool) {
+    /// Notes the states of the group that move for the next event of the source, as long as such lists are together no longer than a few lists of all
+    /// states.
+    pub(super) fn note_reach(&mut self, source: usize) {
         const LISTS: usize = 16;
-        let mut own = std::mem::take(&mut self.reach[source]);
-        self.reached -= own.len();
-        own.clear();
-        own.extend((0..self.group.states.len()).filter(|k| counts(self, *k)).map(|k| self.group.states[k]));
-        if self.reached + own.len() > LISTS * self.still.len() {
-            own.clear();
+        let own = &self.group.states[..self.group.moving];
+        if self.reached + own.len() <= LISTS * self.still.len() {
+            self.reach[source].extend_from_slice(own);
+            self.reached += own.len();
         }
-        self.reached += own.len();
-        self.reach[source] = own;
     }
 
     /// The group follows other pieces from time `t` on: none of them are known yet.

@@ -638,23 +638,6 @@ impl Field {
         self.theta_in(&self.alpha, cell)
     }
 
-    /// Weights of the second of two active cells of every subsystem among these algebraic variables; NaN elsewhere.
-    pub(super) fn pair_weights(&self, alpha: &[f64], out: &mut [f64]) {
-        for (w, first) in out.iter_mut().zip(self.first_pair.windows(2)) {
-            *w = if first[1] == first[0] + 1 { alpha[first[0]] } else { f64::NAN };
-        }
-    }
-
-    /// Weight of one of two active cells where that of the second is `alpha`.
-    pub(super) fn theta_of_pair(&self, cell: usize, alpha: f64) -> f64 {
-        let pairs = self.pairs_of(self.owner[cell]);
-        match pairs.len() {
-            1 if self.pairs[pairs.start].cell == cell => alpha,
-            1 => 1.0 - alpha,
-            _ => f64::NAN,
-        }
-    }
-
     /// Weight of an active cell among these algebraic variables.
     pub(super) fn theta_in(&self, alpha: &[f64], cell: usize) -> f64 {
         let mut base = 1.0;

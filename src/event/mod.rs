@@ -62,6 +62,7 @@ mod watch;
 pub use crate::settings::{
     AmbiguityPolicy as Ambiguity, Integration as Method, Selection, Sensitivity, ZenoPolicy as Zeno,
 };
+pub use adjoint::along::Along;
 pub use adjoint::{Gradient, Term};
 pub use engine::{Engine, Poll, Progress};
 pub use field::MODES_ON_DEMAND;

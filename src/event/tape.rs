@@ -4,6 +4,7 @@ use super::explicit::Pair;
 use super::field::Field;
 use super::radau::Radau;
 use super::step::Step;
+use super::watch::Watch;
 use crate::error::Result;
 use crate::memory;
 
@@ -29,10 +30,10 @@ pub(super) enum Entry {
     /// A step: start, increments and weights at the stages.
     Implicit { at: usize, set: usize, t: f64, h: f64, end: f64 },
     /// A switch, the first one in the log that belongs to it; derivatives of its time, jump of the velocity.
-    Switch { at: usize, first: usize, time: Time },
+    Switch { at: usize, first: usize, time: Time, event: Option<usize> },
     /// Transitions at one time: derivatives of the time, velocities before and behind, Jacobians of the resets; where the
     /// logs of switches and of transitions stood.
-    Jump { at: usize, first: usize, log: usize, n: usize },
+    Jump { at: usize, first: usize, log: usize, n: usize, event: Option<usize> },
     /// Derivatives with respect to what these rows, `n` of them, do not vanish for are not known; the sizes of their terms.
     Part { at: usize, n: usize },
     /// A passage that has no derivatives.
@@ -41,6 +42,24 @@ pub(super) enum Entry {
     Stop { t: f64 },
     /// A sliding mode begins at this time and state.
     Project { at: usize, set: usize, t: f64 },
+}
+
+/// Where the time of an event comes from, for derivatives of its derivatives.
+#[derive(Debug, Clone)]
+pub(super) struct Event {
+    /// What vanishes.
+    pub(super) watch: Watch,
+    /// Time, state, and the velocity before.
+    pub(super) t: f64,
+    pub(super) x: Vec<f64>,
+    pub(super) f: Vec<f64>,
+    /// Active sets before and behind.
+    pub(super) before: usize,
+    pub(super) after: usize,
+    /// The transitions that are made, one after the other.
+    pub(super) made: Vec<usize>,
+    /// Does the run end there?
+    pub(super) ends: bool,
 }
 
 /// Entries of one step at most, usually.
@@ -55,6 +74,9 @@ pub(super) struct Tape {
     pub(super) data: Vec<f64>,
     /// Active sets in the order of their first use after a change.
     pub(super) sets: Vec<Vec<Vec<usize>>>,
+    pub(super) events: Vec<Event>,
+    /// The event that comes next.
+    next: Option<Event>,
 }
 
 impl Tape {
@@ -67,7 +89,9 @@ impl Tape {
 
     /// Bytes of the entries.
     pub(super) fn bytes(&self) -> usize {
-        self.entries.len() * size_of::<Entry>() + self.data.len() * size_of::<f64>()
+        let of_event = |e: &Event| size_of::<Event>() + (e.x.len() + e.f.len()) * size_of::<f64>();
+        let events = self.events.first().map_or(0, of_event) * self.events.len();
+        self.entries.len() * size_of::<Entry>() + self.data.len() * size_of::<f64>() + events
     }
 
     pub(super) fn reset(&mut self, t: f64, field: &Field) {
@@ -75,6 +99,8 @@ impl Tape {
         self.entries.clear();
         self.data.clear();
         self.sets.clear();
+        self.events.clear();
+        self.next = None;
         self.set_data(field);
     }
 
@@ -114,27 +140,56 @@ impl Tape {
         self.entries.push(Entry::Implicit { at, set, t: s.t, h: s.h, end });
     }
 
+    /// An event comes, at which `watch` vanishes; the velocity `f` is that before.
+    pub(super) fn announce(&mut self, field: &Field, watch: Watch, t: f64, x: &[f64], f: &[f64]) {
+        let before = self.set(field);
+        let (x, f, made) = (x.to_vec(), f.to_vec(), Vec::new());
+        self.next = Some(Event { watch, t, x, f, before, after: before, made, ends: false });
+    }
+
+    /// What is known of the next event is not enough for second derivatives.
+    pub(super) fn forget_event(&mut self) {
+        self.next = None;
+    }
+
+    /// The event that was announced, with what it does; its place.
+    pub(super) fn take_event(&mut self, field: &Field, made: Vec<usize>, ends: bool) -> Option<usize> {
+        let event = self.next.take()?;
+        let after = self.set(field);
+        self.events.push(Event { after, made, ends, ..event });
+        Some(self.events.len() - 1)
+    }
+
     /// `row` holds the derivatives of the time, `before` and `after` are velocities; `first` counts the log.
-    pub(super) fn switch(&mut self, first: usize, row: &[f64], before: &[f64], after: &[f64]) {
+    pub(super) fn switch(&mut self, field: &Field, first: usize, row: &[f64], [before, after]: [&[f64]; 2]) {
         let at = self.data.len();
         self.data.extend_from_slice(row);
         self.data.extend(before.iter().zip(after).map(|(a, b)| a - b));
-        self.entries.push(Entry::Switch { at, first, time: Time::Moves });
+        let event = self.take_event(field, Vec::new(), false);
+        self.entries.push(Entry::Switch { at, first, time: Time::Moves, event });
     }
 
     /// A switch whose time has no derivative, or the derivative zero.
     pub(super) fn mark(&mut self, first: usize, time: Time) {
-        self.entries.push(Entry::Switch { at: self.data.len(), first, time });
+        self.next = None;
+        self.entries.push(Entry::Switch { at: self.data.len(), first, time, event: None });
     }
 
     /// `row` holds the derivatives of the time, `velocities` are those before and behind, `resets` all Jacobians.
-    pub(super) fn jump(&mut self, log: (usize, usize), row: &[f64], velocities: [&[f64]; 2], resets: &[f64]) {
+    pub(super) fn jump(
+        &mut self,
+        log: (usize, usize),
+        row: &[f64],
+        velocities: [&[f64]; 2],
+        resets: &[f64],
+        event: Option<usize>,
+    ) {
         let at = self.data.len();
         self.data.extend_from_slice(row);
         velocities.iter().for_each(|v| self.data.extend_from_slice(v));
         self.data.extend_from_slice(resets);
         let n = resets.len() / (velocities[0].len() * (row.len() + 1));
-        self.entries.push(Entry::Jump { at, first: log.0, log: log.1, n });
+        self.entries.push(Entry::Jump { at, first: log.0, log: log.1, n, event });
     }
 
     /// The last jump goes on: behind its resets come these, and another velocity. Steps since then that are shorter than rounding are left out.

@@ -12,6 +12,7 @@
 pub(crate) mod bounds;
 mod cells;
 mod certificate;
+mod clock;
 mod combined;
 mod on_demand;
 mod reach;
@@ -21,6 +22,7 @@ mod signs;
 mod simplex;
 mod transition;
 
+pub use clock::{Clock, Pwm, Strikes};
 pub use report::{Counts, Group, Note, NoteKind, Report};
 pub use saved::SavedModel;
 pub use transition::Transition;

@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::{listening, modes_of, subsystem, Ending, Record};
 use crate::error::{Error, Result};
 use crate::event::{
-    self, Branching, Decider, Engine, Gradient, Options, Outcome, Poll, Progress, Run, Statistics, Term,
+    self, Along, Branching, Decider, Engine, Gradient, Options, Outcome, Poll, Progress, Run, Statistics, Term,
 };
 use crate::memory;
 use crate::settings::{LogLevel, Settings, Value};
@@ -413,13 +413,25 @@ impl Integrator {
     /// # Errors
     /// Those of [`Engine::adjoint`].
     pub fn adjoint(&mut self, v: &[f64], terms: &[Term]) -> Result<Gradient> {
+        self.sweep(|engine| engine.adjoint(v, terms))
+    }
+
+    /// Derivative of such a gradient in a direction.
+    ///
+    /// # Errors
+    /// Those of [`Engine::adjoint_along`].
+    pub fn adjoint_along(&mut self, v: &[f64], direction: &Gradient) -> Result<Along> {
+        self.sweep(|engine| engine.adjoint_along(v, direction))
+    }
+
+    fn sweep<T>(&mut self, over: impl FnOnce(&mut Engine) -> Result<T>) -> Result<T> {
         let stop = Stop::on(&self.interrupt);
         let engine = self.engine.get();
-        let gradient = stop.scope(|| listening(|| engine.adjoint(v, terms)));
-        if matches!(gradient, Err(Error::Interrupted)) {
+        let found = stop.scope(|| listening(|| over(engine)));
+        if matches!(found, Err(Error::Interrupted)) {
             self.interrupt.store(false, Ordering::Relaxed);
         }
-        gradient
+        found
     }
 
     /// The result so far.

@@ -60,6 +60,19 @@ def test_many_flows_are_single_ones():
         Flow(swb.System(1, f0=lambda x: [x[0] ** 2]), 2.0, None, {}).several([[0.1], [1.0]], np.empty((2, 0)), np.empty((2, 0)))
 
 
+def test_gradients_of_many_are_those_of_single_ones():
+    flow = Flow(spring(), T, None, OPTIONS)
+    x0, p, w = np.array([X0, 2 * X0, -X0]), np.array([P, 1.1 * P, 0.9 * P]), np.array([[1.0, 2.0], [0.5, -1.0], [0.0, 1.0]])
+    each = [flow.gradient(*one, U) for one in zip(w, x0, p)]
+    for found, exact in zip(flow.gradients(w, x0, p, np.tile(U, (3, 1))), zip(*each)):
+        assert np.array_equal(found, exact)
+    assert len(flow._free) >= 1  # simulations that are not asked any more serve the next ones
+    slow = Flow(swb.System(1, f0=lambda x: [-x[0]]), 1.0, None, OPTIONS)  # Python is called by one thread
+    assert slow.gradients([[1.0], [2.0]], [[1.0], [1.0]], np.empty((2, 0)), np.empty((2, 0))).x0.ravel() == pytest.approx(
+        [np.exp(-1), 2 * np.exp(-1)]
+    )
+
+
 def test_a_flow_ends_at_an_event():
     m = Model(states="y v", parameters="c")
     m.derivatives = [m.v, m.c * m.v**2 - 9.81]
@@ -84,6 +97,27 @@ def test_derivatives_in_a_direction():
         inputs.jvp(x0=dx0)
     with pytest.raises(swb.DimensionError):
         run.jvp(p=[1.0])
+
+
+def test_the_derivative_of_a_gradient_is_that_of_differences():
+    flow, weights = Flow(spring(), T, None, OPTIONS), np.array([1.0, -2.0])
+    turn, h = (np.array([0.3, -0.2]), np.array([0.1, 0.05]), np.array([0.2])), 1e-4
+    found, state = flow.curvature(weights, turn, X0, P, U)
+    at = lambda by: [v + by * h * d for v, d in zip((X0, P, U), turn)]
+    a, b, c, d = (np.concatenate(flow.gradient(weights, *at(by))) for by in (-2, -1, 1, 2))
+    assert np.concatenate(found) == pytest.approx((a - 8 * b + 8 * c - d) / (12 * h), rel=1e-6, abs=1e-6)
+    assert state == pytest.approx((flow(*at(1)) - flow(*at(-1))) / (2 * h), rel=1e-6, abs=1e-7)
+    with pytest.raises(swb.ArgumentError, match="leave out at"):
+        Flow(spring(), T, AT, OPTIONS).curvature(weights, turn, X0, P, U)
+    with swb.Integrator(spring(), adjoint=1, method="radau5", **OPTIONS) as i:
+        i.set_params(P)
+        i.set_controls(U)
+        i.reinit(X0)
+        i.advance(0.1)
+        with pytest.raises(swb.UnsupportedError, match="implicit"):
+            i.hvp(weights, x0=[1.0, 0.0])
+        with pytest.raises(swb.DimensionError):
+            i.hvp([1.0])
 
 
 def test_flows_refuse():
@@ -118,6 +152,17 @@ def test_jax():
     assert nested.shape == (2, 2) and nested[1, 1] == pytest.approx(float(both[1]), rel=1e-12)
     gradients = jax.vmap(jax.grad(lambda x: loss(x, P, U)))(np.array([X0, 2 * X0]))
     assert np.allclose(gradients[0], wanted.x0, rtol=1e-10, atol=1e-10)
+    alone = Model(states="level", parameters="k")
+    alone.derivatives = [-alone.k * alone.level]
+    decay = jax.vmap(jax.grad(lambda k: swb.jax.simulate(alone, [1.0], 1.0, p=k, **OPTIONS).sum()))(np.array([[1.0], [2.0]]))
+    assert decay.ravel() == pytest.approx([-np.exp(-1), -np.exp(-2)])  # without controls
+    energy = jax.grad(lambda x, p: (swb.jax.simulate(model, x, T, p=p, u=U, **OPTIONS) ** 2).sum(), (0, 1))
+    turn, h = (np.array([0.3, -0.2]), np.array([0.1, 0.4])), 1e-4
+    for product in (jax.jvp, jax.jit(lambda *a: jax.jvp(energy, *a)).__call__):
+        bent = product(energy, (X0, P), turn)[1] if product is jax.jvp else product((X0, P), turn)[1]
+        ends = [energy(X0 + by * h * turn[0], P + by * h * turn[1]) for by in (-2, -1, 1, 2)]
+        for part, a, b, c, d in zip(bent, *ends):
+            assert np.allclose(part, (a - 8 * b + 8 * c - d) / (12 * h), rtol=1e-6, atol=1e-6)
     inside = swb.jax.simulate(model, X0, T, p=P, u=U, at=AT, **OPTIONS)
     assert np.allclose(inside, Flow(model, T, AT, OPTIONS)(X0, P, U), rtol=1e-12)
 

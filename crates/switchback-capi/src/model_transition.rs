@@ -10,9 +10,9 @@ use super::raw;
 use super::status::swb_status;
 use super::transition::{direction_of, rule_of, values_of};
 use switchback::error::{Error, Result};
-use switchback::expr::Id;
+use switchback::expr::{Dag, Id};
 use switchback::memory::sizes::size;
-use switchback::model::{Built, Transition};
+use switchback::model::{Built, Clock, Pwm, Strikes, Transition};
 use switchback::system::{Direction, Effect, Trigger};
 
 /// Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
@@ -182,22 +182,168 @@ pub unsafe extern "C" fn swb_model_add_event(
         let to = values_of((to_states, n_to_states), (to_values, n_to_values), "to")?;
         let states = raw::slice(reset_states, n_reset_states, "reset_states")?;
         let ids = raw::slice(resets, n_resets, "resets")?;
-        if states.len() != ids.len() {
-            return Err(Error::Dimension(format!(
-                "there are {} states to reset and {} expressions: give one for each",
-                states.len(),
-                ids.len()
-            )));
-        }
-        let place = |v: i64, what: &str| {
-            usize::try_from(v).map_err(|_| Error::Range(format!("{what} is {v}: states and expressions count from 0")))
-        };
         let k = handle::with_mut(graph, |dag| {
             let guard = dag.id(place(guard, "guard")?)?;
-            let one = |(&s, &id)| Ok((place(s, "reset_states")?, dag.id(place(id, "resets")?)?));
-            let reset = states.iter().zip(ids).map(one).collect::<Result<Vec<(usize, Id)>>>()?;
+            let reset = resets_of(dag, states, ids)?;
             let t = Transition { guard, direction, from, reset, to, rule };
             handle::with_mut(model, |m| m.add_transition(dag, t))
+        })?;
+        raw::write_optional(index, k as i64);
+        Ok(())
+    })
+}
+
+/// What a clock does, as callers give it.
+struct Given {
+    reset_states: (*const i64, i64),
+    resets: (*const i64, i64),
+    to_states: (*const i64, i64),
+    to_values: (*const f64, i64),
+}
+
+/// Adds a clock that strikes at these times.
+unsafe fn add_clock(
+    (model, graph): (*mut swb_model, *mut swb_expr),
+    strikes: impl FnOnce() -> Result<Strikes>,
+    count: i64,
+    given: &Given,
+    index: *mut i64,
+) -> swb_status {
+    setting(model, || unsafe {
+        let strikes = strikes()?;
+        let count = size(count, "count")?;
+        let to = values_of(given.to_states, given.to_values, "to")?;
+        let states = raw::slice(given.reset_states.0, given.reset_states.1, "reset_states")?;
+        let ids = raw::slice(given.resets.0, given.resets.1, "resets")?;
+        let k = handle::with_mut(graph, |dag| {
+            let clock = Clock { strikes, count, reset: resets_of(dag, states, ids)?, to };
+            handle::with_mut(model, |m| m.add_clock(dag, &clock))
+        })?;
+        raw::write_optional(index, k as i64);
+        Ok(())
+    })
+}
+
+/// States and the expressions that they become.
+fn resets_of(dag: &Dag, states: &[i64], ids: &[i64]) -> Result<Vec<(usize, Id)>> {
+    if states.len() != ids.len() {
+        return Err(Error::Dimension(format!(
+            "there are {} states to reset and {} expressions: give one for each",
+            states.len(),
+            ids.len()
+        )));
+    }
+    let one = |(&s, &id)| Ok((place(s, "reset_states")?, dag.id(place(id, "resets")?)?));
+    states.iter().zip(ids).map(one).collect()
+}
+
+fn place(v: i64, what: &str) -> Result<usize> {
+    usize::try_from(v).map_err(|_| Error::Range(format!("{what} is {v}: states and expressions count from 0")))
+}
+
+/// Add a clock to a model: a transition at the times offset, offset + period, and so on. The times are those of the formula to the last digit, however many there
+/// are. A run that begins later begins with the number of times before it as the count.
+///
+/// @param[in]  graph         the graph the model was made of
+/// @param[in]  period        from one time to the next, positive
+/// @param[in]  offset        the first time
+/// @param[in]  count         the discrete state that counts the times
+/// @param[in]  reset_states  [n_reset_states] states that become what
+/// @param[in]  resets        [n_resets] these expressions of the state before say, which may switch and jump: a value that is sampled, a controller
+/// @param[in]  to_states     [n_to_states] discrete states that get the values
+/// @param[in]  to_values     [n_to_values] behind the reset
+/// @param[out] index         number of the transition; may be NULL
+/// @return as swb_model_add_transition; SWB_ERR_RANGE for times that are not finite, a period that is not positive, or a reset of the count
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_add_clock(
+    model: *mut swb_model,
+    graph: *mut swb_expr,
+    period: f64,
+    offset: f64,
+    count: i64,
+    reset_states: *const i64,
+    n_reset_states: i64,
+    resets: *const i64,
+    n_resets: i64,
+    to_states: *const i64,
+    n_to_states: i64,
+    to_values: *const f64,
+    n_to_values: i64,
+    index: *mut i64,
+) -> swb_status {
+    let given = Given {
+        reset_states: (reset_states, n_reset_states),
+        resets: (resets, n_resets),
+        to_states: (to_states, n_to_states),
+        to_values: (to_values, n_to_values),
+    };
+    unsafe { add_clock((model, graph), || Ok(Strikes::Every { period, offset }), count, &given, index) }
+}
+
+/// Add a clock with a list of times to a model: a transition for each.
+///
+/// @param[in]  graph         the graph the model was made of
+/// @param[in]  times         [n_times] which increase, one at least
+/// @param[in]  count         the discrete state that counts the times
+/// @param[in]  reset_states  [n_reset_states] states that become what
+/// @param[in]  resets        [n_resets] these expressions of the state before say, at every time the same; they may depend on the count
+/// @param[in]  to_states     [n_to_states] discrete states that get the values
+/// @param[in]  to_values     [n_to_values] behind the reset
+/// @param[out] index         number of the first transition; may be NULL
+/// @return as swb_model_add_clock; SWB_ERR_RANGE for times that do not increase, or that there are none of
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_add_times(
+    model: *mut swb_model,
+    graph: *mut swb_expr,
+    times: *const f64,
+    n_times: i64,
+    count: i64,
+    reset_states: *const i64,
+    n_reset_states: i64,
+    resets: *const i64,
+    n_resets: i64,
+    to_states: *const i64,
+    n_to_states: i64,
+    to_values: *const f64,
+    n_to_values: i64,
+    index: *mut i64,
+) -> swb_status {
+    let given = Given {
+        reset_states: (reset_states, n_reset_states),
+        resets: (resets, n_resets),
+        to_states: (to_states, n_to_states),
+        to_values: (to_values, n_to_values),
+    };
+    let strikes = || Ok(Strikes::At(unsafe { raw::slice(times, n_times, "times") }?.to_vec()));
+    unsafe { add_clock((model, graph), strikes, count, &given, index) }
+}
+
+/// Add pulse-width modulation to a model: a discrete state is 1 from the times offset, offset + period, and so on, until a part of the period is over, and then 0.
+///
+/// @param[in]  graph   the graph the model was made of
+/// @param[in]  duty    the part, an expression: the pulse ends where the ramp reaches it
+/// @param[in]  period  from one time to the next, positive
+/// @param[in]  offset  the first time
+/// @param[in]  pulse   the discrete state that is the pulse
+/// @param[in]  count   another one, which counts the times
+/// @param[out] index   number of the transition that ends the pulse, before that of the clock; may be NULL
+/// @return as swb_model_add_clock; SWB_ERR_RANGE for a number that is not between 0 and 1 as the part
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_add_pwm(
+    model: *mut swb_model,
+    graph: *mut swb_expr,
+    duty: i64,
+    period: f64,
+    offset: f64,
+    pulse: i64,
+    count: i64,
+    index: *mut i64,
+) -> swb_status {
+    setting(model, || unsafe {
+        let (pulse, count) = (size(pulse, "pulse")?, size(count, "count")?);
+        let k = handle::with_mut(graph, |dag| {
+            let pwm = Pwm { duty: dag.id(place(duty, "duty")?)?, period, offset, pulse, count };
+            handle::with_mut(model, |m| m.add_pwm(dag, &pwm))
         })?;
         raw::write_optional(index, k as i64);
         Ok(())

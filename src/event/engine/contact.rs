@@ -435,6 +435,7 @@ impl Engine {
                 &self.derivatives.time_row[..n_c],
                 [&self.f_before, &self.f],
                 &self.contact_events.scene.resets,
+                None,
             );
         }
     }

@@ -6,7 +6,6 @@ use crate::event::explicit::{self, Pair};
 use crate::event::radau::{self, Attempt};
 use crate::event::sets;
 use crate::event::step;
-use crate::event::watch::Watch;
 use crate::event::Method;
 use crate::func::EvalError;
 
@@ -22,15 +21,15 @@ const LOOK: usize = 4;
 const MILD_STEPS: usize = 8;
 const MILD: f64 = 0.25;
 
+/// Part of the stability of a pair above which its dense output may show what the pair does and not the solution.
+const NEAR: f64 = 0.2;
+
 /// A move of so much of the tolerance leaves the derivative as it is.
 pub(super) const UNSEEN: f64 = 1e-3;
 
 /// Part of the tolerance that the error of a step that ends where its dense output says may be: errors of steps that are cut
 /// short add up over many of them.
 pub(super) const ACCURATE: f64 = 0.02;
-
-/// How far beyond the guess of a switch steps go that are to end there.
-const MARGIN: f64 = 1.05;
 
 /// How steps ended lately, see [`Engine::note_end`].
 #[derive(Debug, Clone, Copy, Default)]
@@ -196,7 +195,7 @@ impl Engine {
         Ok(())
     }
 
-    /// A step has ended, at a switch or where the error let it. Where one step after the other is cut short by a switch, the
+    /// A step has ended, at a switch or where the error let it. Where most steps are cut short by a switch, the
     /// pair of high order has nothing to do with the accuracy that it pays for: the pair of order 5 takes over, whose steps
     /// cost half as much and whose dense output costs nothing, until it makes more than two steps for one switch. Where
     /// evaluations cost much and steps are so short that order 3 is accurate enough too, that pair takes over in the same way,
@@ -204,6 +203,7 @@ impl Engine {
     pub(super) fn note_end(&mut self, at_switch: bool) -> bool {
         /// Steps in a row, or more than there should be.
         const PATIENCE: usize = 8;
+        self.foresight.note_end(at_switch);
         if self.stepper.implicit
             || self.field.in_limit_set()
             || self.options.method != Method::Auto
@@ -216,7 +216,7 @@ impl Engine {
             true => (*short, *long) = (*short + 1, long.saturating_sub(2)),
             false => (*short, *long, *asked) = (0, *long + 1, 0),
         }
-        let (often, seldom) = (*short >= PATIENCE, *long >= PATIENCE);
+        let (often, seldom) = (self.foresight.mostly_switches(), *long >= PATIENCE);
         let next = match self.stepper.pair {
             Pair::Dop853 if often => Pair::Dp5,
             Pair::Dp5 if seldom && self.stepper.usual_pair == Pair::Dop853 => Pair::Dop853,
@@ -238,142 +238,9 @@ impl Engine {
 
     /// Would the last step of the pair of order 5 have been far more accurate than asked for with that of order 3, too?
     fn lets_order_three(&self) -> bool {
-        self.is_worth_foresight()
-            && explicit::error_of_order_three(&self.stepper.step, &self.stepper.weights) <= 0.5 * ACCURATE
-    }
-
-    /// Is one step after the other cut short by a switch, in a system where evaluations cost more than looking ahead?
-    pub(super) fn is_cut_short(&self) -> bool {
-        self.stepper.pair != self.stepper.usual_pair && self.is_worth_foresight()
-    }
-
-    fn is_worth_foresight(&self) -> bool {
-        self.field.many_functions() && self.may_end_inside()
-    }
-
-    /// May steps end on their dense output? Contacts are held at the ends of steps.
-    pub(super) fn may_end_inside(&self) -> bool {
-        !self.stepper.implicit
-            && self.options.method == Method::Auto
-            && !self.field.has_contacts()
-            && !self.field.in_limit_set()
-    }
-
-    /// Begins this step behind a switch, as the last ones did, in a system where evaluations cost little? Those of the pair of high
-    /// order go on as they are until it is left, see [`Engine::note_end`].
-    pub(super) fn may_look_ahead(&self) -> bool {
-        /// Once is chance.
-        const OFTEN: usize = 2;
-        self.stepper.fresh
-            && self.stepper.cut.short >= OFTEN
-            && self.stepper.pair != Pair::Dop853
-            && !self.field.many_functions()
+        self.field.many_functions()
             && self.may_end_inside()
-    }
-
-    /// A time a little behind the first switch under this active set, as far as it can be foreseen, else infinity: a step beyond it
-    /// would be thrown away. The velocity at one more point says how the rates of what is watched change; at two thirds of the time,
-    /// where its weight is three quarters, that makes the time accurate to second order for functions that are straight (A. Ralston,
-    /// *Runge-Kutta methods with minimum error bounds*, Math. Comp. 16 (1962)). What is left is much the same as the last time, where
-    /// modes come back. What would come long before that point is not believed: that is what a fast transient looks like.
-    pub(super) fn time_to_first_switch(&mut self) -> Result<f64> {
-        const POINT: f64 = 2.0 / 3.0;
-        const LONG: f64 = 4.0;
-        self.functions.expected = None;
-        if self.field.n_alg() > 0 {
-            return Ok(f64::INFINITY);
-        }
-        let first = |e: &Engine, ahead: Option<f64>| {
-            let mut least = (f64::INFINITY, f64::INFINITY, 0);
-            for (l, w) in e.functions.watches.iter().enumerate() {
-                let Some(place) = w.place().filter(|_| e.functions.depart[l] == 0) else { continue };
-                let rate = w.rate(&e.functions.dq0, &e.field, &e.f);
-                let bend = match ahead {
-                    Some(by) if w.is_affine(&e.field) => {
-                        0.5 * (w.rate(&e.functions.dq0, &e.field, &e.stepper.node) - rate) / by
-                    }
-                    _ => 0.0,
-                };
-                let time = first_zero(e.functions.w0[l], rate, bend);
-                let usual = ahead.map_or(1.0, |_| e.functions.late[place]) * time;
-                if usual < least.0 {
-                    least = (usual, time, place);
-                }
-            }
-            least
-        };
-        let by = POINT * first(self, None).0.min(self.stepper.h);
-        for ((y, x), f) in self.stepper.step.y.iter_mut().zip(&self.x).zip(&self.f) {
-            *y = x + by * f;
-        }
-        let r = self.field.rhs(self.t + by, &self.stepper.step.y, &mut self.stepper.node);
-        if !recover(r.map(|()| true), false)? {
-            return Ok(f64::INFINITY);
-        }
-        let (usual, time, place) = first(self, Some(by));
-        if LONG * time <= by || time.is_infinite() {
-            return Ok(f64::INFINITY);
-        }
-        self.functions.expected = Some((place, self.t, time));
-        Ok(MARGIN * usual)
-    }
-
-    /// Watch `l` vanishes at the present time: how late is that compared with what was expected?
-    pub(super) fn note_late(&mut self, l: usize) {
-        /// Where it is more than that, expectations mean nothing.
-        const MOST: f64 = 2.0;
-        if let Some((place, t, time)) = self.functions.expected.take() {
-            if self.functions.watches[l].place() == Some(place) {
-                self.functions.late[place] = ((self.t - t) / time).clamp(1.0 / MOST, MOST);
-            }
-        }
-    }
-
-    /// A time a little behind the next switch, from the values of what is watched and how they changed in the last step: a step beyond
-    /// it would be thrown away. What is far from vanishing is not asked anew at every step: a guess that is wrong costs time and nothing
-    /// else.
-    pub(super) fn time_to_switch(&mut self) -> f64 {
-        /// Guesses that are farther than so many of the last steps are asked again after so many steps.
-        const FAR: f64 = 32.0;
-        const AGAIN: usize = 8;
-        let last = self.stepper.step.h;
-        let known = self.log.stats.steps > 0 && last > 0.0;
-        let n_q = self.functions.q0.len();
-        let soon = self.t + FAR * last;
-        let round = self.functions.guesses % AGAIN;
-        self.functions.guesses += 1;
-        let mut least = f64::INFINITY;
-        for l in 0..self.functions.watches.len() {
-            let w = &self.functions.watches[l];
-            let place = match *w {
-                Watch::Enter { a, .. } | Watch::Guard { a, .. } | Watch::Contact { a, .. } => a,
-                Watch::Leave { cell, .. } => n_q + cell,
-            };
-            // NaN is asked
-            if place % AGAIN != round && self.functions.due[place] > soon || self.functions.depart[l] != 0 {
-                continue;
-            }
-            let value = self.functions.w0[l];
-            let (rate, bend) = match *w {
-                Watch::Leave { sub, cell } => {
-                    let before = self.functions.last_weights[sub];
-                    let k = value - self.field.theta_of_pair(cell, before);
-                    (if known { k / last } else { 0.0 }, 0.0)
-                }
-                _ => {
-                    let rate = w.rate(&self.functions.dq0, &self.field, &self.f);
-                    let change = match known && w.is_affine(&self.field) {
-                        true => rate - w.rate_at(&self.functions.dq0, &self.field, |i| self.stepper.step.f0[i]),
-                        false => 0.0,
-                    };
-                    (rate, 0.5 * change / last)
-                }
-            };
-            let left = first_zero(value, rate, bend);
-            self.functions.due[place] = self.t + left;
-            least = least.min(left);
-        }
-        MARGIN * least
+            && explicit::error_of_order_three(&self.stepper.step, &self.stepper.weights) <= 0.5 * ACCURATE
     }
 
     /// Has the method of the present mode to be implicit from its start? Not next to an accumulation: a root that vanishes at
@@ -427,7 +294,7 @@ impl Engine {
             let most = if guessed { 100.0 } else { most };
             (0.9 * factor).clamp(0.333, most)
         };
-        if self.stepper.foreseen && !rejected {
+        if self.foresight.foreseen && !rejected {
             // what ends at a switch says nothing about longer steps
             return self.stepper.h.min(self.options.h_max);
         }
@@ -610,11 +477,31 @@ impl Engine {
         }
     }
 
+    /// What the dense output of a step that is to be accepted is off by, relative to the tolerances, where somebody is to see it and the step is near the limit of the
+    /// stability of its pair. The error of the end says nothing about it there.
+    pub(super) fn error_seen_inside(&mut self, t1: f64) -> Result<f64> {
+        if self.stepper.step_implicit
+            || self.log.path.is_none() && !self.log.sampled.are_wanted(t1)
+            || self.field.is_explicit_only()
+            || self.field.in_limit_set()
+        {
+            return Ok(0.0);
+        }
+        let (pair, weights) = (self.stepper.pair, &self.stepper.weights);
+        if explicit::stiffness(pair, &self.stepper.step, weights).0 <= NEAR * pair.stability() {
+            return Ok(0.0);
+        }
+        let r = self.write_dense();
+        if !recover(r.map(|()| true), false)? {
+            return Ok(0.0);
+        }
+        self.error_inside()
+    }
+
     /// No step ends at the zero that the dense output of an explicit pair had. Where the step was near the limit of the
     /// stability of the pair, that output shows what the pair does and not the solution.
     pub(super) fn note_failed_landing(&mut self) {
-        /// Part of the stability, and how many steps that look stiff it is worth.
-        const NEAR: f64 = 0.2;
+        /// How many steps that look stiff it is worth.
         const WORTH: usize = 4;
         if self.stepper.implicit
             || self.options.method != Method::Auto
@@ -759,21 +646,5 @@ impl Engine {
         let own = first.min(second);
         let h1 = if own.is_finite() { own * (0.01 / d0).powf(1.0 / order).min(1.0) } else { BLIND.sqrt() * most };
         Ok((100.0 * h).min(h1).min(most))
-    }
-}
-
-/// First time at which `value + rate t + bend t²` vanishes, which is positive at 0; infinite where it stays positive.
-fn first_zero(value: f64, rate: f64, bend: f64) -> f64 {
-    let discriminant = rate * rate - 4.0 * bend * value;
-    if value.is_nan() || value <= 0.0 || discriminant < 0.0 {
-        return f64::INFINITY;
-    }
-    // the form without cancellation where it falls at first
-    let root = discriminant.sqrt();
-    let time = if rate <= 0.0 { 2.0 * value / (root - rate) } else { -0.5 * (rate + root) / bend };
-    if time > 0.0 {
-        time
-    } else {
-        f64::INFINITY
     }
 }

@@ -221,7 +221,7 @@ impl Engine {
         if let Some(s) = &mut self.derivatives.sens {
             s.advance(&self.f_before, 1.0);
         }
-        let (mut resets, mut cascade) = (Vec::new(), Cascade::default());
+        let (mut resets, mut chain, mut cascade) = (Vec::new(), Vec::new(), Cascade::default());
         let (mut next, mut rate, mut unique, mut made) = (Some((guard, false)), rate, true, 0);
         let mut log = (self.log.switches.len(), start);
         let length = self.usual_step();
@@ -237,7 +237,7 @@ impl Engine {
             }
             made += 1;
             if vanishes && recorded {
-                self.part_from(g, log, &mut resets)?;
+                self.part_from(g, log, &mut resets, &mut chain)?;
                 log.1 = self.log.jumps.len();
             }
             self.note_made(self.field.guards.all[g].place());
@@ -250,6 +250,7 @@ impl Engine {
             }
             if self.derivatives.tape.is_some() {
                 resets.extend_from_slice(&self.derivatives.reset.jac);
+                chain.push(g);
             }
             if self.log.jumps.len() < self.options.max_log {
                 self.log.jumps.push(Jump {
@@ -294,10 +295,10 @@ impl Engine {
             j.simultaneous = made > 1;
         }
         if self.log.outcome == Outcome::Event {
-            self.differentiate_end(log, &resets);
+            self.differentiate_end(log, &resets, chain);
             return Ok(());
         }
-        self.differentiate_resets(log, &resets)?;
+        self.differentiate_resets(log, &resets, chain)?;
         self.log(&before, f64::NAN, None, unique);
         Ok(())
     }
@@ -312,22 +313,29 @@ impl Engine {
     }
 
     /// Derivatives of the state where the run ends, whose time moves: behind it nothing does. What is tied to surfaces stays on them.
-    fn differentiate_end(&mut self, log: (usize, usize), resets: &[f64]) {
+    fn differentiate_end(&mut self, log: (usize, usize), resets: &[f64], made: Vec<usize>) {
         if let Some(tape) = &mut self.derivatives.tape {
             let n_c = self.derivatives.time_row.len() - 1;
             let rest = vec![0.0; self.nx];
-            tape.jump(log, &self.derivatives.time_row[..n_c], [&self.f_before, &rest], resets);
+            let event = tape.take_event(&self.field, made, true);
+            tape.jump(log, &self.derivatives.time_row[..n_c], [&self.f_before, &rest], resets, event);
         }
     }
 
     /// Derivatives behind transitions of one time with these resets, whose velocities are that before them and the present one.
-    fn differentiate_resets(&mut self, log: (usize, usize), resets: &[f64]) -> std::result::Result<(), EvalError> {
+    fn differentiate_resets(
+        &mut self,
+        log: (usize, usize),
+        resets: &[f64],
+        made: Vec<usize>,
+    ) -> std::result::Result<(), EvalError> {
         if let Some(s) = &mut self.derivatives.sens {
             s.advance(&self.f, -1.0);
         }
         if let Some(tape) = &mut self.derivatives.tape {
             let n_c = self.derivatives.time_row.len() - 1;
-            tape.jump(log, &self.derivatives.time_row[..n_c], [&self.f_before, &self.f], resets);
+            let event = tape.take_event(&self.field, made, false);
+            tape.jump(log, &self.derivatives.time_row[..n_c], [&self.f_before, &self.f], resets, event);
         }
         self.project_sensitivity()
     }
@@ -344,12 +352,13 @@ impl Engine {
         g: usize,
         log: (usize, usize),
         resets: &mut Vec<f64>,
+        made: &mut Vec<usize>,
     ) -> std::result::Result<(), EvalError> {
         let Some(l) = self.watch_of(g) else { return Ok(()) };
         if self.field.in_limit_set() {
             return Ok(());
         }
-        self.differentiate_resets(log, resets)?;
+        self.differentiate_resets(log, resets, std::mem::take(made))?;
         resets.clear();
         self.f_before.copy_from_slice(&self.f);
         self.field.watched(self.t, &self.x)?;

@@ -163,8 +163,8 @@ impl Engine {
         let of_cell = matches!(w, Watch::Enter { .. } | Watch::Leave { .. });
         let straight = matches!(w, Watch::Guard { .. }) && w.is_affine(&self.field);
         let off = (4.0 * s * (1.0 - s)).powi(2);
-        let near = self.stepper.foreseen && s > 0.5 && off <= NEAR && off * self.stepper.tried <= ACCURATE;
-        near && (of_cell || straight) || of_cell && self.is_cut_short() && self.stepper.tried <= ACCURATE
+        let near = self.foresight.foreseen && s > 0.5 && off <= NEAR && off * self.stepper.tried <= ACCURATE;
+        near && (of_cell || straight) || of_cell && self.stepper.tried <= ACCURATE
     }
 
     /// Ends the step where the watched function vanishes on its dense output, and switches there. `None` if that does not

@@ -6,10 +6,12 @@ use super::accumulation::Recent;
 use super::chatter::Window;
 use super::contact::SceneRoom;
 use super::control::{Cut, FirstStep, Pace};
+use super::foresight::Foresight;
 use super::limit_set::Shrinking;
 use super::notes::Notes;
 use super::parts::{Calendar, ContactEvents, Derivatives, EventFunctions, Log, Stepper};
 use super::record::Sampled;
+use super::worth::Worth;
 use super::{Engine, Polls, EPS};
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
@@ -111,7 +113,6 @@ impl Engine {
                 stiffness: 0.0,
                 damped: false,
                 mild_steps: 0,
-                foreseen: false,
                 weights: vec![0.0; nx],
                 node: vec![0.0; nx],
                 h: 0.0,
@@ -126,8 +127,8 @@ impl Engine {
                 fresh: true,
                 slid: 0,
             },
+            foresight: Foresight::new(n_w, most),
             functions: EventFunctions {
-                last_weights: vec![f64::NAN; field.subs.len()],
                 sampler: Sampler::new(),
                 samples: vec![[0.0; NODES]; n_w],
                 watches: Vec::with_capacity(n_w),
@@ -144,10 +145,6 @@ impl Engine {
                 dq0: vec![0.0; n_dq],
                 dq1: vec![0.0; n_dq],
                 zero: vec![false; n_q],
-                due: vec![f64::NAN; n_w],
-                guesses: 0,
-                expected: None,
-                late: vec![1.0; n_q],
                 touched: None,
                 grazed: f64::INFINITY,
                 flat: None,
@@ -156,6 +153,7 @@ impl Engine {
             calendar: Calendar {
                 within_steps: false,
                 units: UnitEvents::new(&field, &system.discrete_states()).map(Box::new),
+                worth: Worth::default(),
                 shrinking: Shrinking::default(),
                 limits: (f64::NEG_INFINITY, 0),
                 recent: Recent::new(n_q, n_cells, field.floor.clone()),
@@ -234,16 +232,15 @@ impl Engine {
         self.stepper.h = 0.0;
         self.stepper.first_steps.fill(FirstStep::default());
         self.stepper.entered = None;
-        self.functions.expected = None;
-        self.functions.late.fill(1.0);
+        self.foresight.reset();
         if let Some(c) = &mut self.calendar.units {
             c.reset();
+            self.calendar.worth = Worth::default();
         }
         self.stepper.stiff.fill(Pace::Unknown);
         self.stepper.stiff_mode = false;
         self.stepper.stiff_slides.fill(false);
         (self.stepper.next_pair, self.stepper.cut) = (self.stepper.usual_pair, Cut::default());
-        self.functions.last_weights.fill(f64::NAN);
         self.keeps = false;
         self.calendar.recent.forget();
         self.calendar.recent.series = Default::default();

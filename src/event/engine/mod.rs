@@ -8,6 +8,7 @@ mod contact_steps;
 mod control;
 mod derivatives;
 mod flat;
+mod foresight;
 mod impact;
 mod jump;
 mod limit_set;
@@ -22,12 +23,14 @@ mod selection;
 mod timestepping;
 mod transition;
 mod units;
+mod worth;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use self::control::{Beyond, Cut, Tried};
+use self::foresight::Foresight;
 use self::limit_set::Origin;
 use self::notes::Notes;
 use self::parts::{Calendar, ContactEvents, Derivatives, EventFunctions, Log, Stepper};
@@ -113,6 +116,7 @@ pub struct Engine {
     refused: bool,
     stepper: Stepper,
     functions: EventFunctions,
+    foresight: Foresight,
     calendar: Calendar,
     contact_events: ContactEvents,
     log: Log,
@@ -424,6 +428,7 @@ impl Engine {
                 progress
             }
         };
+        self.note_work();
         if progress == Progress::Done && self.t < t_stop && self.log.outcome == Outcome::Reached {
             // a known time on the way
             progress = Progress::Stepped;
@@ -498,13 +503,10 @@ impl Engine {
             self.derivatives.variational = (f64::INFINITY, 0);
         }
         let mut longest = self.variational_step()?.min(self.options.h_max);
-        if self.is_cut_short() {
-            longest = longest.min(self.time_to_switch().max(self.no_time()));
-        }
-        self.stepper.foreseen = false;
-        if self.may_look_ahead() {
-            let time = self.time_to_first_switch()?.max(self.no_time());
-            self.stepper.foreseen = time < longest.min(self.stepper.h);
+        self.foresight.foreseen = false;
+        if self.looks_ahead() {
+            let time = self.time_to_switch()?.max(self.no_time());
+            self.foresight.foreseen = time < longest.min(self.stepper.h);
             longest = longest.min(time);
         }
         self.follow_sharpness();
@@ -557,6 +559,13 @@ impl Engine {
                     let grown = self.grown(err.max(self.stepper.coarse), rejected);
                     match found {
                         Some(Found::Nothing) => {
+                            let inside = self.error_seen_inside(t1)?;
+                            if inside > 1.0 {
+                                let factor = self.shrunk(inside);
+                                self.reject(&mut rejected, factor);
+                                continue;
+                            }
+                            let grown = if inside > 0.0 { grown.min(self.grown(inside, rejected)) } else { grown };
                             self.stepper.err_before = err.max(1e-4);
                             self.note_first_step(grown, rejected);
                             self.accept(t1)?;
@@ -724,9 +733,6 @@ impl Engine {
             self.functions.depart[l] = if self.functions.resting[l] { 2 } else { u8::from(below) };
         }
         self.stepper.fresh = false;
-        if self.is_cut_short() {
-            self.field.pair_weights(&self.stepper.alpha_start, &mut self.functions.last_weights);
-        }
         self.field.accept_near(&self.stepper.step, self.stepper.step_implicit);
         let moved = self.field.has_contacts() && self.settle_contacts()?;
         std::mem::swap(&mut self.stepper.alpha_start, &mut self.stepper.alpha_end);

@@ -502,7 +502,7 @@ impl Engine {
             }
             if let Some(tape) = &mut self.derivatives.tape {
                 let first = self.log.switches.len() + changed.iter().filter(|p| **p < k).count();
-                tape.jump((first, start), &strike.row[..n_c], [before, after], &strike.jac);
+                tape.jump((first, start), &strike.row[..n_c], [before, after], &strike.jac, None);
             }
         }
         times

@@ -7,6 +7,7 @@ use super::control::{Cut, FirstStep, Pace};
 use super::flat::Flat;
 use super::limit_set::Shrinking;
 use super::record::Sampled;
+use super::worth::Worth;
 use crate::event::bernstein::{Coefficients, Sampler};
 use crate::event::calendar::UnitEvents;
 use crate::event::explicit::Pair;
@@ -47,8 +48,6 @@ pub(super) struct Stepper {
     pub(super) stiffness: f64,
     pub(super) damped: bool,
     pub(super) mild_steps: usize,
-    /// Ends the present step a little behind where a switch is expected, see [`Engine::time_to_first_switch`](super::Engine::time_to_first_switch)?
-    pub(super) foreseen: bool,
     pub(super) weights: Vec<f64>,
     pub(super) node: Vec<f64>,
     pub(super) h: f64,
@@ -72,8 +71,6 @@ pub(super) struct Stepper {
 
 /// What is watched: values, gradients, and what is known of zeros in the step.
 pub(super) struct EventFunctions {
-    /// Weights of the second of two cells of every subsystem at the start of the last step; NaN where it did not slide.
-    pub(super) last_weights: Vec<f64>,
     pub(super) sampler: Sampler,
     pub(super) samples: Vec<Coefficients>,
     pub(super) watches: Vec<Watch>,
@@ -95,13 +92,6 @@ pub(super) struct EventFunctions {
     pub(super) dq0: Vec<f64>,
     pub(super) dq1: Vec<f64>,
     pub(super) zero: Vec<bool>,
-    /// When what is watched vanishes next, as far as is known, see [`Engine::time_to_switch`](super::Engine::time_to_switch): by indicator, then by cell.
-    pub(super) due: Vec<f64>,
-    pub(super) guesses: usize,
-    /// What vanishes there, by the place of its indicator, from when on that was expected, and after which time; and of every indicator the
-    /// part of that time after which it came the last time.
-    pub(super) expected: Option<(usize, f64, f64)>,
-    pub(super) late: Vec<f64>,
     /// A contact in the step that is looked at.
     pub(super) touched: Option<Contact>,
     /// The relative time in the last step at which something touches zero without being crossed, to what the tolerances see.
@@ -118,6 +108,8 @@ pub(super) struct Calendar {
     pub(super) within_steps: bool,
     /// What happens in the step unit by unit, where the model can be taken apart.
     pub(super) units: Option<Box<UnitEvents>>,
+    /// Whether that is worth it.
+    pub(super) worth: Worth,
     pub(super) recent: Recent,
     pub(super) shrinking: Shrinking,
     /// When a limit set was entered last, and how often without time between.

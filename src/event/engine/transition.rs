@@ -242,15 +242,10 @@ impl Engine {
 
     /// Notes what a switch does not touch: subsystems that go on as before, none of whose functions vanishes.
     fn note_kept(&mut self, before: &[Vec<usize>]) {
-        let n_q = self.functions.q0.len();
         self.keeps = true;
         for (k, s) in self.field.subs.iter().enumerate() {
             let goes_on = sets::same_set(&before[k], &self.field.active[k]);
             self.kept[k] = goes_on && before[k].len() == 1 && !self.functions.zero[s.q0..s.q0 + s.n_q].contains(&true);
-            if !goes_on {
-                self.functions.due[s.q0..s.q0 + s.n_q].fill(f64::NAN);
-                self.functions.due[n_q + s.first..n_q + s.first + s.cells.len()].fill(f64::NAN);
-            }
         }
     }
 
@@ -296,9 +291,6 @@ impl Engine {
         self.functions.looked.extend(0..self.functions.watches.len());
         if self.field.has_contacts() {
             self.field.contact_sizes(t, &self.x)?;
-        }
-        if !self.keeps {
-            self.functions.due.fill(f64::NAN);
         }
         // what few of many functions ask for
         let mut pace = None;
@@ -378,7 +370,7 @@ impl Engine {
 
     /// Switches at the present point, where watch `l` vanishes.
     pub(super) fn switch(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
-        self.note_late(l);
+        self.foresight.note_late(self.source(&self.functions.watches[l]), self.t);
         self.note_levels(l);
         match self.functions.watches[l] {
             Watch::Guard { .. } => return self.jump(l, slope, grown),

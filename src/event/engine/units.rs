@@ -14,30 +14,24 @@
 //! higher order, values that are zero to rounding behind an event, a transition that happens twice at one time, and sources whose intervals shrink.
 
 use super::accumulation::rest_of_series;
-use super::control::ACCURATE;
+use super::control::{Cut, ACCURATE};
 use super::notes::find_zeros;
-use super::{recover, Engine, Progress, EPS};
+use super::worth::Way;
+use super::{recover, Engine, Progress, Statistics, EPS};
 use crate::error::Result;
 use crate::event::bernstein::{self, First, NODES};
 use crate::event::calendar::{Crossing, Entry, UnitEvents, Units};
 use crate::event::explicit::{self, Flow, Pair};
 use crate::event::field::{Owner, Row, SLIDES};
 use crate::event::step::{derivative, Poly};
-use crate::event::{Jump, Kind, Outcome, Switch};
+use crate::event::{Jump, Kind, Method, Outcome, Switch};
 use crate::func::EvalError;
 
-/// The part of all states that may be integrated anew for one event: else the step of all of them ends there.
-const PART: usize = 4;
-/// Steps of a group for one of all states: what needs more has another time scale.
-const STEPS: usize = 32;
-/// A rate, relative to what the states make of the function in a step, of a zero that may be of higher order.
-const SLOW: f64 = 1e-6;
-/// Velocities behind a surface that leave no doubt, relative to their terms.
-const CLEAR: f64 = 1e-6;
-/// Events in one step, by the number of states, behind which all states are brought to one time again.
+/// Half of the digits, the root of [`EPS`]: a rate, relative to the size of its terms, that a zero of higher order shows where rounding splits it; and
+/// a secant behind which the next one would change nothing but rounding.
+const HALF: f64 = 1.49e-8;
+/// Events in one step, by the number of states, behind which all states are brought to one time again: the memory of a step.
 const EVENTS: usize = 16;
-/// Part of what counts as felt below which a state is left out the next time.
-const HARDLY: f64 = 0.1;
 
 /// How far single units were followed in a step.
 pub(super) enum Followed {
@@ -52,10 +46,27 @@ impl Engine {
     /// May events in this step be left to the units?
     fn goes_by_units(&self) -> bool {
         self.calendar.within_steps
+            && self.calendar.worth.way() == Way::Units
             && !self.stepper.step_implicit
             && self.derivatives.sens.is_none()
             && self.derivatives.tape.is_none()
             && !self.field.in_limit_set()
+    }
+
+    /// The step has ended: what has it cost?
+    pub(super) fn note_work(&mut self) {
+        let Some(c) = &self.calendar.units else { return };
+        let work = self.field.counts.values * self.nx + c.rows;
+        let step = self.stepper.pair.rows().0.len() * self.nx;
+        let Statistics { switches, jumps, .. } = self.log.stats;
+        let before = self.calendar.worth.way();
+        self.calendar.worth.note(work, switches + jumps, step);
+        if self.calendar.worth.way() != before && self.options.method == Method::Auto && !self.stepper.implicit {
+            // what it would come to after some steps, see [`Engine::note_end`]
+            let usual = self.stepper.usual_pair;
+            let short = before == Way::Units && usual == Pair::Dop853;
+            (self.stepper.next_pair, self.stepper.cut) = (if short { Pair::Dp5 } else { usual }, Cut::default());
+        }
     }
 
     /// Follows what happens in the step to its end `t1`, unit by unit; `grown` is the length of the next one.
@@ -93,7 +104,7 @@ impl Engine {
     }
 
     /// Error of the dense output of the step, on which events are located, relative to the tolerances.
-    fn error_inside(&mut self) -> Result<f64> {
+    pub(super) fn error_inside(&mut self) -> Result<f64> {
         let r = explicit::error_inside(&mut self.field, &mut self.stepper.step, &self.stepper.weights);
         // the weights are those at the end again
         let n_alg = self.stepper.alpha_end.len();
@@ -141,7 +152,7 @@ impl Engine {
         // weights are between 0 and 1
         let size = if let Owner::Weight(_) = owner { 1.0 } else { self.sizes_at(c, e.source, e.t).1 };
         // NaN is slow
-        let clear = -e.rate * self.stepper.step.h > SLOW * size;
+        let clear = -e.rate * self.stepper.step.h > HALF * size;
         let level = self.functions.levels.get(e.source).is_some_and(|l| *l > 0.0);
         if repeats || shrinks || !clear || level {
             return false;
@@ -358,7 +369,7 @@ impl Engine {
         let g = self.gradient(c, e.source);
         let terms = || g.values.iter().zip(velocity).map(|(g, v)| g * v).chain([g.t]);
         let (rate, size) = (inside * terms().sum::<f64>(), terms().map(f64::abs).sum::<f64>());
-        if !known || rate.is_nan() || rate.abs() <= CLEAR * size {
+        if !known || rate.is_nan() || rate.abs() <= HALF * size {
             return false;
         }
         let slides = rate > 0.0;
@@ -441,8 +452,6 @@ impl Engine {
         (mut t, rate): (f64, f64),
         (from, to): (f64, f64),
     ) -> Option<f64> {
-        /// Part of the time between the ends.
-        const SHARP: f64 = 1e-9;
         let (mut slope, mut before) = (rate, None);
         for _ in 0..6 {
             let alpha = self.weight_at(c, t)?;
@@ -453,7 +462,7 @@ impl Engine {
             }
             before = Some((value, t));
             let next = (t - value / slope).clamp(from, to);
-            if (next - t).abs() <= SHARP * (to - from) {
+            if (next - t).abs() <= HALF * (to - from) {
                 return Some(next);
             }
             t = next;
@@ -534,12 +543,10 @@ impl Engine {
         }
         let moved = |i: &u32| !c.still[*i as usize];
         c.needed += self.stepper.pair.rows().0.len() * states.iter().filter(|i| moved(i)).count();
-        for n in 0..c.fired.len() {
-            states.extend(c.reach_of(self.field.guards.all[c.fired[n] as usize].q));
-        }
-        if c.fired.is_empty() {
-            states.extend(c.reach_of(e.source));
-        }
+        let source = c.fired.first().map_or(e.source, |g| self.field.guards.all[*g as usize].q);
+        states.extend(c.take_reach(source));
+        // else it ends the step, part of which is made again
+        let most = c.spent + 2 * self.nx * self.stepper.pair.rows().0.len();
         let mark = c.mark();
         loop {
             states.sort_unstable();
@@ -548,14 +555,14 @@ impl Engine {
                 let others = |q: &u32| c.depends.owner[*q as usize] == Owner::Other;
                 !c.tied[*i as usize] && !c.depends.watching.of(*i as usize).iter().any(others)
             };
-            if PART * states.len() > self.nx || !states.iter().all(plain) {
+            if c.spent > most || !states.iter().all(plain) {
                 return false;
             }
             let UnitEvents { group, depends, still, cells, .. } = c;
             group.gather(&states, |i| still[i], (depends, cells));
             c.part_from(e.t);
             self.start_group(c, e.t);
-            let felt = self.integrate_group(c, e.t, t1).then(|| self.feels(c, e.t, t1, &mut states)).flatten();
+            let felt = self.integrate_group(c, (e.t, t1), most).then(|| self.feels(c, e.t, t1, &mut states)).flatten();
             match felt {
                 Some(false) => break,
                 Some(true) => c.give_up(mark),
@@ -565,19 +572,13 @@ impl Engine {
                 }
             }
         }
-        let (step, weights, middle) = (&self.stepper.step, &self.stepper.weights, 0.5 * (e.t + t1));
-        let source = c.fired.first().map_or(e.source, |g| self.field.guards.all[*g as usize].q);
-        c.note_reach(source, |c, k| {
-            let i = c.group.states[k] as usize;
-            let moved = |t: f64| (c.new_value(step, i, t) - c.tracks.value(step, i, t)).abs() * weights[i];
-            k < c.group.moving && moved(middle).max(moved(t1)) > HARDLY * ACCURATE
-        });
+        c.note_reach(source);
         c.commit();
         true
     }
 
-    /// Integrates the group from `t` to `t1`. False where it would take many steps, or a function is not defined.
-    fn integrate_group(&mut self, c: &mut UnitEvents, t: f64, t1: f64) -> bool {
+    /// Integrates the group from `t` to `t1`. False where more than `most` would be spent, or a function is not defined.
+    fn integrate_group(&mut self, c: &mut UnitEvents, (t, t1): (f64, f64), most: usize) -> bool {
         let n = c.group.moving;
         for k in n..c.group.states.len() {
             let mut poly = Poly::default();
@@ -592,7 +593,7 @@ impl Engine {
         c.weights.resize(n, 0.0);
         c.step.x0.copy_from_slice(&c.group.start[..n]);
         let (mut t, mut h, mut fresh) = (t, t1 - t, true);
-        for _ in 0..STEPS {
+        while c.spent <= most {
             let last = h >= 0.99 * (t1 - t);
             c.spend(n * pair.rows().0.len());
             let UnitEvents { group, moving, tracks, step, weights, .. } = c;

@@ -9,7 +9,7 @@ use crate::func::{Bundle, Function, PartList, Point};
 /// Of fewer subsystems every function is called by itself: that costs as much, and nothing beforehand.
 const FEWEST: usize = 4;
 /// With so many states that their drifts are worth to be taken together, that is no longer so.
-pub(super) const MANY_STATES: usize = 16;
+pub(super) const MANY_STATES: usize = 8;
 
 /// The program, and which of its parts is what.
 pub(super) struct Bundled {

@@ -231,6 +231,12 @@ impl Field {
         self.guards_known = false;
     }
 
+    /// Watches these transitions alone, whatever the discrete states are. What was watched before is given back.
+    pub(in crate::event) fn watch_alone(&mut self, guards: Vec<usize>) -> Vec<usize> {
+        self.guards_known = false;
+        std::mem::replace(&mut self.guards.armed, guards)
+    }
+
     /// What transition `i` makes of the state.
     pub(in crate::event) fn reset(
         &mut self,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy
@@ -13,7 +15,7 @@ from ._arrays import Array, real
 from ._run_options import _span
 from ._ffi import RunOutcome
 from .batches import simulate_batch
-from .errors import NumericError, RangeError
+from .errors import ArgumentError, NumericError, RangeError
 from .expr import system_of
 from .integrator import Integrator
 from .runs import Gradient
@@ -38,6 +40,7 @@ class Flow:
             raise RangeError("at must be rising times within t_span")
         self._options = {**options, "adjoint": 1}
         self._kept: OrderedDict[bytes, Integrator] = OrderedDict()
+        self._free: list[Integrator] = []
         self._lock = threading.Lock()
 
     @property
@@ -47,7 +50,9 @@ class Flow:
 
     def _simulated(self, inputs: Sequence[Array]) -> tuple[Integrator, Array]:
         x0, p, u = inputs
-        i = Integrator(self.system, **self._options)
+        with self._lock:
+            i = self._free.pop() if self._free else None
+        i = i or Integrator(self.system, **self._options)
         if i.np:
             i.set_params(p)
         if i.nu:
@@ -70,8 +75,13 @@ class Flow:
         with self._lock:
             self._kept[_key(arrays)] = i
             while len(self._kept) > _KEPT:
-                self._kept.popitem(last=False)
+                self._release(self._kept.popitem(last=False)[1])
         return states.reshape(self.shape)
+
+    def _release(self, i: Integrator) -> None:
+        """What is not asked any more may be used again; with the lock."""
+        if len(self._free) < _KEPT:
+            self._free.append(i)
 
     def several(self, *inputs: Any) -> Array:
         """States at the end for many inputs, whose first dimension they share: on several threads."""
@@ -101,9 +111,42 @@ class Flow:
         w = numpy.array(weights, dtype=float).reshape(len(self.times), -1)
         pairs = [(t, row) for t, row in zip(self.times, w) if self.start < t < self.times[-1]]
         if self.times[-1] == self.start:
-            return Gradient(w[-1].copy(), numpy.zeros(i.np), numpy.zeros(i.nu))
-        found = i.adjoint(w[-1], at=pairs)
+            found = Gradient(w[-1].copy(), numpy.zeros(i.np), numpy.zeros(i.nu))
+        else:
+            found = i.adjoint(w[-1], at=pairs)
+        with self._lock:
+            self._release(i)
+        if self.single or self.times[-1] == self.start:
+            return found
         return found._replace(x0=found.x0 + w[0]) if self.times[0] == self.start else found
+
+    def curvature(self, weights: Any, direction: Sequence[Any], *inputs: Any) -> tuple[Gradient, Array]:
+        """Derivative of the gradient of the sum of the states at the end times `weights`, in a direction of the inputs; and that of the states."""
+        if not self.single:
+            raise ArgumentError("second derivatives are those of the state at the end: leave out at")
+        arrays = [numpy.array(a, dtype=float).ravel() for a in inputs]
+        x0, p, u = (numpy.array(d, dtype=float).ravel() for d in direction)
+        i, _ = self._simulated(arrays)
+        found = i.hvp(numpy.array(weights, dtype=float).ravel(), x0=x0, p=p, u=u)
+        with self._lock:
+            self._release(i)
+        return found
+
+    def gradients(self, weights: Any, *inputs: Any) -> Gradient:
+        """Gradients for many inputs and weights, whose first dimension they share: on several threads, where no function of the model is written in
+        Python."""
+        rows = list(zip(weights, *inputs))
+        threads = 1 if self._in_python() else min(os.cpu_count() or 1, len(rows))
+        if threads < 2:
+            found = [self.gradient(*row) for row in rows]
+        else:
+            with ThreadPoolExecutor(threads) as pool:
+                found = list(pool.map(lambda row: self.gradient(*row), rows))
+        return Gradient(*(numpy.array(part) for part in zip(*found)))
+
+    def _in_python(self) -> bool:
+        given = ("preferred", "on_step", "on_branching", "on_log")
+        return any(k in self._options for k in given) or any(f._in_python for f in self.system._functions)
 
 
 def _key(arrays: Sequence[Array]) -> bytes:
