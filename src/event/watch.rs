@@ -212,6 +212,18 @@ impl Watch {
         0.5 * f64::EPSILON * terms
     }
 
+    /// What its value may be off by where a step is to end at its zero: [`Watch::rounding`]. For a guard in which time alone moves that is what half a unit
+    /// in the last place of the time makes, so that clocks strike at the times of their formula.
+    pub(super) fn rounding_of_zero(&self, dq: &[f64], field: &Field, (t, x): (f64, &[f64]), velocity: &[f64]) -> f64 {
+        if let (Watch::Guard { a, .. }, true) = (*self, self.is_affine(field)) {
+            let g = field.gradients.row(dq, a);
+            if g.t != 0.0 && g.states().all(|(i, g)| g * velocity[i] == 0.0) {
+                return 0.5 * (t.abs().next_up() - t.abs()) * g.t.abs();
+            }
+        }
+        self.rounding(dq, field, t, x)
+    }
+
     /// [`Watch::scale`] and [`Watch::rate`] at once, where there are many of these.
     pub(super) fn scale_and_rate(
         &self,

@@ -8,14 +8,29 @@ import pytest
 import switchback_control as swb
 
 
-def test_a_clock_strikes_at_the_times_of_its_formula():
+@pytest.mark.parametrize("period, offset", [(0.1, 0.05), (1e-4, 0.0), (1 / 3, 0.1), (0.007, -0.003), (250.0, 1.0)])
+def test_a_clock_strikes_at_the_times_of_its_formula(period, offset):
     m = swb.Model(states="q")
     m.derivatives = [1.0]
-    k = m.every(0.1, {m.q: 0.0}, offset=0.05)
-    run = swb.simulate(m, {"q": 0.0}, 100.0)
-    assert [j.t for j in run.jumps] == [0.05 + 0.1 * i for i in range(1000)]
-    assert run.x_end[1] == 1000 and abs(run.x_end[0] - 0.05) < 1e-12
+    k = m.every(period, {m.q: 0.0}, offset=offset)
+    first = 0 if offset >= 0 else 1
+    end = offset + (first + 999.5) * period
+    run = swb.simulate(m, {"q": 0.0}, end)
+    times = [offset + period * i for i in range(first, first + 1000)]
+    # a run that begins later begins with the number of times before it
+    assert [j.t for j in run.jumps][-1000:] == times
+    assert run.x_end[1] == first + 1000 and abs(run.x_end[0] - 0.5 * period) < 1e-12 * end
     assert k.ndim == 0
+
+
+@pytest.mark.parametrize("period", [1e-4, 0.01, 1 / 3])
+def test_pulses_begin_at_the_times_of_the_clock(period):
+    m = swb.Model(states="q", parameters="duty")
+    m.derivatives = [m.pwm(m.duty, period)]
+    run = swb.simulate(m, {"q": 0.0}, 100.25 * period, p=[0.3])
+    edges = np.array([j.t for j in run.jumps])
+    assert np.array_equal(edges[0::2], period * np.arange(101))
+    assert np.all(np.abs(edges[1::2] - period * (np.arange(100) + 0.3)) <= np.spacing(edges[1::2]))
 
 
 def test_a_sampled_controller_is_the_linear_recursion():

@@ -232,6 +232,8 @@ def test_an_observer_stays_on_a_plant_that_sticks_and_slips(seed, rtol, cost):
     assert np.abs(r.x_end[:4] - np.tile(exact.x_end, 2)).max() <= bound, (r.x_end, exact.x_end)
     # nothing is gone through by steps over a time that could be seen
     assert sum(a.until - a.t for a in r.accumulations if a.steps) < 1e-3
+    # switches that go on behind a point do not accumulate there
+    assert not [(a.t, s.t) for a in r.accumulations for s in r.switches if a.t < s.t < a.until]
     assert rtol < 1e-9 or len(r.switches) <= len(exact.switches) + 60
 
 

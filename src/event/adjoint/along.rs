@@ -254,11 +254,17 @@ impl Direction<'_> {
             }
             Entry::Switch { at, time: Time::Moves, event: Some(event), .. } => {
                 let data = &tape.data[at..at + n_c + nx];
-                self.event(&tape.events[event], &data[..n_c], s, |d| Ok(d.sweep.switch(data, 0.0)))?;
+                self.event(&tape.events[event], &data[..n_c], s, |d| {
+                    d.sweep.switch(data, 0.0);
+                    Ok(())
+                })?;
             }
             Entry::Jump { at, n, event: Some(event), .. } => {
                 let data = &tape.data[at..];
-                self.event(&tape.events[event], &data[..n_c], s, |d| Ok(d.sweep.jump(data, n, 0.0)))?;
+                self.event(&tape.events[event], &data[..n_c], s, |d| {
+                    d.sweep.jump(data, n, 0.0);
+                    Ok(())
+                })?;
             }
             Entry::Project { at, set, t } => {
                 self.sweep.enter(set);

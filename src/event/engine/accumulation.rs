@@ -295,7 +295,7 @@ impl Recent {
         }
     }
 
-    /// Where switches accumulate that have come to `t`: what their series says if it says more.
+    /// Where switches accumulate that have come to `t`: what their series says if it says more. A limit that they have passed is none.
     pub(super) fn limit(&self, t: f64) -> f64 {
         /// What is left, relative to the time the series was followed for.
         const LEFT: f64 = 1e-2;
@@ -303,7 +303,7 @@ impl Recent {
         const KNOWN: f64 = 0.1;
         let says = |l: &Limit| {
             let left = (l.t - t).abs();
-            left <= LEFT * l.from && l.spread <= KNOWN * left
+            l.t >= self.last && left <= LEFT * l.from && l.spread <= KNOWN * left
         };
         let best = self.series.iter().filter_map(|s| s.best).filter(says);
         best.min_by(|a, b| a.spread.total_cmp(&b.spread)).map_or(t, |l| l.t)

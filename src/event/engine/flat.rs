@@ -83,7 +83,7 @@ impl Engine {
     }
 
     /// Is the rate next to the end of a step, which was `full` long at first, so small that its zero may be one of higher order?
-    fn may_be_flat(&self, l: usize, rate: f64, full: f64) -> bool {
+    pub(super) fn may_be_flat(&self, l: usize, rate: f64, full: f64) -> bool {
         let w = &self.functions.watches[l];
         if w.is_affine(&self.field) || !matches!(w, Watch::Enter { .. } | Watch::Guard { .. }) {
             return false;
@@ -155,7 +155,7 @@ impl Engine {
     }
 
     /// Does the step with another length.
-    fn repeat(&mut self, h: f64) -> Result<bool> {
+    pub(super) fn repeat(&mut self, h: f64) -> Result<bool> {
         self.stepper.step.h = h;
         self.log.stats.relocations += 1;
         Ok(matches!(self.attempt()?, Tried::Error(e) if e <= 10.0) && self.finish()?)

@@ -9,6 +9,9 @@ use crate::event::Method;
 /// How far beyond the guess of a switch steps go that are to end there.
 const MARGIN: f64 = 1.05;
 
+/// Steps that the share of those at switches is one of.
+const MEMORY: f64 = 8.0;
+
 /// What is known of the next switch, and how good such guesses were.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Foresight {
@@ -22,6 +25,24 @@ pub(super) struct Foresight {
     pub(super) foreseen: bool,
     /// Algebraic variables at the point that is looked at.
     ahead: Vec<f64>,
+}
+
+/// A second point at which something is known of what is watched.
+#[derive(Debug, Clone, Copy)]
+enum Point {
+    /// The start of the last step, so long ago: velocity, and gradients that are not constant.
+    Before(f64),
+    /// The end of a straight line along the velocity, so far ahead: velocity, and values of what is not straight itself.
+    Ahead(f64),
+}
+
+impl Point {
+    fn time(self) -> f64 {
+        match self {
+            Point::Before(h) => -h,
+            Point::Ahead(h) => h,
+        }
+    }
 }
 
 impl Foresight {
@@ -38,8 +59,6 @@ impl Foresight {
 
     /// A step has ended, at a switch or where the error let it.
     pub(super) fn note_end(&mut self, at_switch: bool) {
-        /// Steps that the share is one of.
-        const MEMORY: f64 = 8.0;
         self.share += (f64::from(u8::from(at_switch)) - self.share) / MEMORY;
     }
 
@@ -48,9 +67,10 @@ impl Foresight {
         self.share > 0.5
     }
 
-    /// A look ahead costs an evaluation, and spares a step of so many stages where a switch would cut it short.
+    /// A look ahead costs an evaluation, and spares a step of so many stages where a switch would cut it short. Once is chance: the step behind it would
+    /// be cut short for nothing.
     fn pays(&self, stages: usize) -> bool {
-        self.share * stages as f64 > 1.0
+        self.share * stages as f64 > 1.0 && self.share > 1.0 / MEMORY
     }
 
     /// This source vanishes at time `t`: how late is that compared with what was expected?
@@ -73,7 +93,7 @@ impl Engine {
     /// stages it needs no others for.
     pub(super) fn may_end_inside(&self) -> bool {
         let derives = self.derivatives.sens.is_some() || self.derivatives.tape.is_some();
-        !(derives && self.stepper.pair == Pair::Dop853)
+        (!derives || self.stepper.pair != Pair::Dop853)
             && !self.stepper.implicit
             && self.options.method == Method::Auto
             && !self.field.has_contacts()
@@ -86,61 +106,62 @@ impl Engine {
     /// one ahead: at two thirds of the time, where its weight is three quarters, that makes the time accurate to second order for functions that are
     /// straight (A. Ralston, *Runge-Kutta methods with minimum error bounds*, Math. Comp. 16 (1962)). What is left is much the same as the
     /// last time, where modes come back. What would come long before that point is not believed: that is what a fast transient looks like.
+    ///
+    /// What bends by itself does so along the line to that point, too; behind a step its gradients at both ends say so. A parabola next to a zero of
+    /// higher order has none, and nothing is expected there.
     pub(super) fn time_to_switch(&mut self) -> Result<f64> {
         const POINT: f64 = 2.0 / 3.0;
         const LONG: f64 = 4.0;
         self.foresight.expected = None;
-        let by = if self.stepper.fresh {
+        let point = if self.stepper.fresh {
             // no farther than the step would go
             let longest = self.stepper.h.min(self.options.h_max).min(self.t_stop - self.t);
             let by = POINT * self.soonest(None).1.min(longest);
             if !self.look_at(by)? {
                 return Ok(f64::INFINITY);
             }
-            by
+            Point::Ahead(by)
         } else {
             self.stepper.node.copy_from_slice(&self.stepper.step.f0);
             self.foresight.ahead.clear();
             self.foresight.ahead.extend_from_slice(&self.stepper.alpha_end);
-            -self.stepper.step.h
+            Point::Before(self.stepper.step.h)
         };
-        let (source, time) = self.soonest(Some(by));
-        if LONG * time <= by || time.is_infinite() {
+        let (source, time) = self.soonest(Some(point));
+        if LONG * time <= point.time() || time.is_infinite() {
             return Ok(f64::INFINITY);
         }
         self.foresight.expected = Some((source, self.t, time));
         Ok(MARGIN * self.foresight.late[source] * time)
     }
 
-    /// Evaluates the velocity along a straight line after this time. False where it is not defined.
+    /// Evaluates the velocity along a straight line after this time, and what is watched if it bends. False where they are not defined.
     fn look_at(&mut self, by: f64) -> Result<bool> {
         let n = self.field.n_alg();
         for ((y, x), f) in self.stepper.step.y.iter_mut().zip(&self.x).zip(&self.f) {
             *y = x + by * f;
         }
-        let r = self.field.rhs(self.t + by, &self.stepper.step.y, &mut self.stepper.node);
+        let mut r = self.field.rhs(self.t + by, &self.stepper.step.y, &mut self.stepper.node);
+        if self.functions.watches.iter().any(|w| !w.is_leave() && !w.is_affine(&self.field)) {
+            r = r.and_then(|()| self.field.watched(self.t + by, &self.stepper.step.y));
+        }
         self.foresight.ahead.clear();
         self.foresight.ahead.extend_from_slice(&self.field.alpha[..n]);
         self.field.alpha[..n].copy_from_slice(&self.stepper.alpha_start);
         recover(r.map(|()| true), false)
     }
 
-    /// What vanishes first, and after which time; where the velocity is known at one more point, so much later, rates change linearly, and how late a
+    /// What vanishes first, and after which time; where something is known at one more point, rates change linearly, and how late a
     /// source was the last time counts.
-    fn soonest(&self, point: Option<f64>) -> (usize, f64) {
+    fn soonest(&self, point: Option<Point>) -> (usize, f64) {
         let mut least = (f64::INFINITY, 0, f64::INFINITY);
-        let (dq, field) = (&self.functions.dq0, &self.field);
         for (l, w) in self.functions.watches.iter().enumerate().filter(|(l, _)| self.functions.depart[*l] == 0) {
             let value = self.functions.w0[l];
             let (rate, bend) = match (*w, point) {
-                (Watch::Leave { cell, .. }, Some(by)) => {
-                    ((field.theta_in(&self.foresight.ahead, cell) - value) / by, 0.0)
+                (Watch::Leave { cell, .. }, Some(point)) => {
+                    ((self.field.theta_in(&self.foresight.ahead, cell) - value) / point.time(), 0.0)
                 }
-                (_, Some(by)) if w.is_affine(field) => {
-                    let rate = w.rate(dq, field, &self.f);
-                    (rate, 0.5 * (w.rate(dq, field, &self.stepper.node) - rate) / by)
-                }
-                _ => (w.rate(dq, field, &self.f), 0.0),
+                _ => self.rate_and_bend(w, value, point),
             };
             let (source, time) = (self.source(w), first_zero(value, rate, bend));
             let usual = point.map_or(1.0, |_| self.foresight.late[source]) * time;
@@ -149,6 +170,20 @@ impl Engine {
             }
         }
         (least.1, least.2)
+    }
+
+    /// Rate of what is watched, and half of what it changes by in unit time.
+    fn rate_and_bend(&self, w: &Watch, value: f64, point: Option<Point>) -> (f64, f64) {
+        let (f, field) = (&self.functions, &self.field);
+        let rate = w.rate(&f.dq0, field, &self.f);
+        let Some(point) = point else { return (rate, 0.0) };
+        let (time, straight) = (point.time(), w.is_affine(field));
+        let gradients = if matches!(point, Point::Before(_)) && !straight { &f.dq1 } else { &f.dq0 };
+        let mut bend = 0.5 * (w.rate(gradients, field, &self.stepper.node) - rate) / time;
+        if matches!(point, Point::Ahead(_)) && !straight {
+            bend += (w.value(&field.q, field) - value - rate * time) / (time * time);
+        }
+        (rate, bend)
     }
 }
 
@@ -192,17 +227,17 @@ mod tests {
         assert!((first_zero(1.0, -1e8, 1.0) / 1e-8 - 1.0).abs() < 1e-15);
     }
 
-    /// With six stages it pays from the second switch in a row on, and for some steps behind them; with twelve from the first.
+    /// It pays from the second switch in a row on, and for some steps behind them.
     #[test]
     fn a_look_ahead_pays_where_steps_are_often_cut_short() {
         let mut f = Foresight::new(1, 0);
         assert!(!f.pays(12));
         f.note_end(true);
-        assert!(!f.pays(6) && f.pays(12));
+        assert!(!f.pays(6) && !f.pays(12));
         f.note_end(true);
-        assert!(f.pays(6) && !f.mostly_switches());
+        assert!(f.pays(6) && f.pays(12) && !f.mostly_switches());
         (0..3).for_each(|_| f.note_end(false));
-        assert!(!f.pays(6));
+        assert!(!f.pays(6) && f.pays(12));
         (0..6).for_each(|_| f.note_end(true));
         assert!(f.mostly_switches());
         // every sixth step in the long run: as much as a look costs

@@ -149,6 +149,8 @@ impl Engine {
             self.end_at_accumulation(t);
             return Ok(());
         }
+        let place = self.field.guards.all[guard].place();
+        self.functions.reached[place] = 0.0;
         let scale = w.scale(&self.field.dq, &self.field, t, &self.x);
         self.log.one_sided |= match &self.functions.flat {
             Some(flat) => flat.coarse,
@@ -156,7 +158,7 @@ impl Engine {
         };
         self.differentiate_time(l)?;
         self.functions.zero.fill(false);
-        self.functions.zero[self.field.guards.all[guard].place()] = true;
+        self.functions.zero[place] = true;
         self.remember(self.source(&w), None);
         self.calendar.recent.note_jump();
         self.make(guard, -rate)
@@ -170,6 +172,9 @@ impl Engine {
             return Ok(false);
         }
         // a zero of higher order has no rate
+        if w.place().is_some_and(|a| self.functions.reached[a] > noise) {
+            return Ok(false);
+        }
         self.write_dense()?;
         self.stepper.step.at(0.5, &mut self.stepper.node);
         self.field.watched(self.stepper.step.t + 0.5 * self.stepper.step.h, &self.stepper.node)?;

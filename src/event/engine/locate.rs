@@ -39,6 +39,15 @@ impl Bracket {
     }
 }
 
+/// How an attempt to end a step on its dense output ended.
+enum Inside {
+    Landed(Progress),
+    /// There is no zero, or another one before it.
+    Missed,
+    /// The zero may be one of higher order, which dense output does not show. The step is as it was.
+    Flat,
+}
+
 impl Engine {
     /// Repeats the step with the length that makes the watched function vanish at its end, and switches there. `None`
     /// if that does not succeed. No step goes beyond the time asked for: a switch that turns out to lie behind it is left
@@ -46,7 +55,11 @@ impl Engine {
     pub(super) fn land(&mut self, l: usize, s: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
         self.functions.flat = None;
         if self.ends_inside(l, s) {
-            return self.land_inside(l, s, slope, grown);
+            match self.land_inside(l, s, slope, grown)? {
+                Inside::Landed(p) => return Ok(Some(p)),
+                Inside::Missed => return Ok(None),
+                Inside::Flat => {}
+            }
         }
         let full = self.stepper.step.h;
         let mut h = s * full;
@@ -167,25 +180,20 @@ impl Engine {
         near && (of_cell || straight) || of_cell && self.stepper.tried <= ACCURATE
     }
 
-    /// Ends the step where the watched function vanishes on its dense output, and switches there. `None` if that does not
-    /// succeed.
-    fn land_inside(&mut self, l: usize, mut s: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
+    /// Ends the step where the watched function vanishes on its dense output, and switches there.
+    fn land_inside(&mut self, l: usize, mut s: f64, slope: f64, grown: f64) -> Result<Inside> {
         let full = self.stepper.step.h;
         let w = self.functions.watches[l];
         if !w.is_affine(&self.field) {
-            let Some(found) = self.sharpen(l, s, slope)? else { return Ok(None) };
-            s = found;
-            // its gradients are known at the end of the step
-            let at_end = w.rate(&self.functions.dq1, &self.field, &self.stepper.step.f1);
-            if let Some(p) = self.land_if_flat(l, (at_end, full), slope, grown)? {
-                return Ok(p);
-            }
-            if !recover(self.write_dense().map(|()| true), false)? {
-                return Ok(None);
+            // Newton's method comes to a zero of higher order slowly, if it does
+            match self.sharpen(l, s, slope)? {
+                Some(found) => s = found,
+                None if w.is_leave() => return Ok(Inside::Missed),
+                None => return Ok(Inside::Flat),
             }
         }
         if s * full <= 4.0 * EPS * self.t.abs().max(full) {
-            return Ok(None);
+            return Ok(Inside::Missed);
         }
         self.log.stats.relocations += 1;
         self.stepper.step.end_at(s);
@@ -193,10 +201,16 @@ impl Engine {
         self.stepper.tried *= s * s * (3.0 - 2.0 * s);
         let mut t = (self.t + self.stepper.step.h).min(self.t_stop);
         self.settle_beside_guard(l, t)?;
-        let Some((mut value, mut rate)) = recover(self.watched(l, t).map(Some), None)? else { return Ok(None) };
+        let Some((mut value, mut rate)) = recover(self.watched(l, t).map(Some), None)? else {
+            return Ok(Inside::Missed);
+        };
+        if self.may_be_flat(l, rate, full) {
+            return Ok(if self.repeat(full)? { Inside::Flat } else { Inside::Missed });
+        }
         // the last digits, along the velocity
         for _ in 0..if w.is_leave() { 0 } else { 3 } {
-            let rounding = w.rounding(&self.field.dq, &self.field, t, &self.stepper.step.x1);
+            let end = &self.stepper.step;
+            let rounding = w.rounding_of_zero(&self.field.dq, &self.field, (t, &end.x1), &end.f1);
             let rate_now = if rate < 0.0 { rate } else { slope };
             let most = 0.01 * self.stepper.step.h;
             let delta = (-value / rate_now).clamp(-most, most.min(self.t_stop - t));
@@ -205,27 +219,27 @@ impl Engine {
             }
             if !self.may_be_straight(delta, l) {
                 // a zero of the dense output alone, which is off by more than the function changes: a shorter step has none
-                return Ok(None);
+                return Ok(Inside::Missed);
             }
             self.stepper.step.x1.iter_mut().zip(&self.stepper.step.f1).for_each(|(x, f)| *x += delta * f);
             t += delta;
             self.settle_beside_guard(l, t)?;
             match recover(self.watched(l, t).map(Some), None)? {
                 Some(found) => (value, rate) = found,
-                None => return Ok(None),
+                None => return Ok(Inside::Missed),
             }
         }
         // the weights there, and the velocity that the switch begins with
         let r = self.field.rhs(t, &self.stepper.step.x1, &mut self.stepper.step.f1);
         if !recover(r.map(|()| true), false)? || self.overlooked(l) {
-            return Ok(None);
+            return Ok(Inside::Missed);
         }
         self.functions.w1[..self.functions.watches.len()].fill(f64::NAN);
         self.accept(t)?;
         // derivatives evaluate the field elsewhere
         self.known_end = self.derivatives.sens.is_none() && self.notes.is_none();
         let grown = if self.note_end(true) { grown.min(self.stepper.step.h) } else { grown };
-        self.switch(l, slope, grown).map(Some)
+        self.switch(l, slope, grown).map(Inside::Landed)
     }
 
     /// Relative time of a zero on the dense output next to `s` of what is no straight function of the state.
@@ -350,7 +364,9 @@ impl Engine {
             let Some((value, rate)) = recover(found, None)? else { break };
             let value = value - base;
             let rate = if rate < 0.0 { rate } else { slope };
-            let rounding = self.functions.watches[l].rounding(&self.field.dq, &self.field, t, &self.stepper.step.x1);
+            let end = &self.stepper.step;
+            let w = &self.functions.watches[l];
+            let rounding = w.rounding_of_zero(&self.field.dq, &self.field, (t, &end.x1), &end.f1);
             let most = if self.stepper.step_implicit { 1e-6 } else { 0.01 } * self.stepper.step.h;
             let delta = (-value / rate).max(-most).min(most.min(self.t_stop - t));
             if value.abs() <= rounding || !self.may_be_straight(delta, l) || delta == 0.0 {

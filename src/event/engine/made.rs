@@ -149,6 +149,7 @@ impl Engine {
                 grazed: f64::INFINITY,
                 flat: None,
                 levels: vec![0.0; n_q],
+                reached: vec![0.0; n_q],
             },
             calendar: Calendar {
                 within_steps: false,
@@ -255,6 +256,7 @@ impl Engine {
             n.reset();
         }
         self.functions.levels.fill(0.0);
+        self.functions.reached.fill(0.0);
         self.calendar.crowd = 0;
         self.contact_events.burst = (f64::NEG_INFINITY, 0);
         self.contact_events.scene.forget();

@@ -40,6 +40,7 @@ use super::explicit::Pair;
 use super::field::{Apart, Field};
 use super::path::Path;
 use super::sets;
+use super::watch::Watch;
 use super::{Accumulation, Arbiter, Branching, Contact, Decider};
 use super::{Impact, Jump, Method, Noted, Options, Outcome, Phase, Run, Statistics, Switch};
 use crate::error::{finite, Error, Result};
@@ -731,6 +732,10 @@ impl Engine {
             // what is a little below zero and rises does not vanish there
             let below = self.functions.watches[l].may_begin_below() && self.functions.w1[l] < 0.0;
             self.functions.depart[l] = if self.functions.resting[l] { 2 } else { u8::from(below) };
+            if let Watch::Guard { a, .. } = self.functions.watches[l] {
+                // NaN where it is not known
+                self.functions.reached[a] = self.functions.reached[a].max(self.functions.w0[l].abs());
+            }
         }
         self.stepper.fresh = false;
         self.field.accept_near(&self.stepper.step, self.stepper.step_implicit);

@@ -100,6 +100,8 @@ pub(super) struct EventFunctions {
     pub(super) flat: Option<Flat>,
     /// Of every indicator, where it vanished last with a zero of higher order: signs of values up to this one mean nothing there.
     pub(super) levels: Vec<f64>,
+    /// Of every guard, by its place: how far from zero it has been at the ends of steps since it vanished last.
+    pub(super) reached: Vec<f64>,
 }
 
 /// What happens when: unit by unit in a step, and how it repeats.
