@@ -66,7 +66,8 @@ def stick_slip() -> Cycle:
     m = Model(states="q v")
     q, v = m.x
     m.derivatives = [v, -q + _friction(v, 1.0)]
-    return Cycle(m, [-0.8, -1.0], 60.0, 6, 6, 3)
+    # the problem has two local optima, with switches in other elements; with six stages one of them is off by 7e-9
+    return Cycle(m, [-0.8, -1.0], 60.0, 6, 7, 3)
 
 
 def stick_slip_2() -> Cycle:
