@@ -329,6 +329,8 @@ static void draw_record(struct call *call, struct random *r, int i, int64_t n)
 
 static const char *draw_text(struct call *call, struct random *r, const char *name)
 {
+    if (strcmp(name, "folder") == 0)
+        return texts_folder(r);
     if (random_once_in(r, 20))
         return texts_odd(r);
     if (strcmp(name, "value") == 0 && call->option >= 0) {

@@ -241,7 +241,10 @@ static void read_options(int n, char **arguments)
 
 int main(int n, char **arguments)
 {
+    const char *folder = getenv("FUZZ_FOLDER");
     read_options(n, arguments);
+    if (folder && chdir(folder) != 0)
+        return 2;
     tally = mmap(NULL, sizeof *tally, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (tally == MAP_FAILED)
         return 2;

@@ -193,6 +193,7 @@ static swb_ocp *ocp_of(swb_expr *graph, const int64_t *rhs, const double *start,
 swb_ocp *tracking_ocp(swb_expr *graph, const swb_settings *settings)
 {
     static const double start[2] = {1.0, 0.0}, zero[3] = {0.0, 0.0, 0.0}, weights[3] = {1.0, 1.0, 0.1};
+    static const double lower[2] = {-2.0, -INFINITY}, upper[2] = {2.0, INFINITY};
     int64_t of[3], rhs[2];
     swb_function *residual = NULL;
     MUST(swb_expr_inputs(graph, SWB_INPUT_X, 0, of, 2));
@@ -202,6 +203,7 @@ swb_ocp *tracking_ocp(swb_expr *graph, const swb_settings *settings)
     swb_ocp *ocp = ocp_of(graph, rhs, start, settings);
     if (!ocp)
         return NULL;
+    MUST(swb_ocp_set_state_bounds(ocp, lower, 2, upper, 2));
     MUST(swb_expr_function(graph, "residual", 2, 1, 0, of, 3, &residual));
     MUST(swb_ocp_add_least_squares(ocp, residual, weights, 3, zero, 3, SWB_COST_AT_RUNNING));
     swb_function_free(residual);

@@ -80,6 +80,12 @@ const char *texts_document(struct random *r)
     return text;
 }
 
+const char *texts_folder(struct random *r)
+{
+    static const char *const folders[] = {"", "a", "a/b", "a b/\xc3\xa9", "..", "../..", "\xff\xfe", "/dev/null/none"};
+    return getenv("FUZZ_FOLDER") ? folders[random_below(r, 8)] : "/dev/null/none";
+}
+
 const char *texts_for(struct random *r, const char *argument)
 {
     static const char *const inputs[] = {"x", "x u", "x p", "x u p t", "", "u", "x x", "y", NULL};

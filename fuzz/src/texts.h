@@ -13,6 +13,9 @@ const char *texts_number(struct random *r, double value);
 /* What an argument of this name may mean: a path, a document, names, inputs. */
 const char *texts_for(struct random *r, const char *argument);
 
+/* A folder for files of the library: there or not, or one that cannot be made. All that can be made are in FUZZ_FOLDER, where the fuzzer runs. */
+const char *texts_folder(struct random *r);
+
 /* Keep a document that the library wrote. */
 void texts_keep(const char *text);
 

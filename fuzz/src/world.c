@@ -10,6 +10,7 @@
 #include "pool.h"
 #include "problems.h"
 #include "run.h"
+#include "texts.h"
 
 /* A call of the world: counted as one of the fuzzer. */
 static int did(int function, swb_status status)
@@ -547,6 +548,32 @@ static void tracking(struct random *r, const swb_settings *s)
         controller(r, ocp, numbers);
 }
 
+/* A controller of the kind that can be written as C files, into the folder the fuzzer runs in. */
+static void written(struct random *r, const swb_settings *s)
+{
+    static const double state[2] = {0.9, 0.1}, lower[2] = {-1.0, -INFINITY}, upper[2] = {1.0, INFINITY};
+    double u;
+    swb_nmpc_options options;
+    swb_nmpc_info info;
+    swb_expr *graph = NULL;
+    swb_nmpc *c = NULL;
+    MUST(swb_expr_create(&graph));
+    pool_add(T_swb_expr, graph);
+    swb_ocp *ocp = tracking_ocp(graph, s);
+    if (!keep(T_swb_ocp, ocp) || !DO(swb_nmpc_options_init, &options, sizeof options))
+        return;
+    options.qp_solver = SWB_NMPC_QP_STAGEWISE;
+    options.rk_family = SWB_RK_FAMILY_EXPLICIT;
+    options.n_s = 2;
+    if (!DO(swb_nmpc_create, ocp, &options, &c))
+        return;
+    pool_add(T_swb_nmpc, c);
+    DO(swb_nmpc_prepare, c, NULL, 0, &info, sizeof info);
+    DO(swb_nmpc_set_state_bounds, c, lower, upper, 2);
+    DO(swb_nmpc_feedback, c, state, 2, &u, 1, &info, sizeof info);
+    DO(swb_nmpc_write_c, c, texts_folder(r), "controller", random_below(r, 2) ? SWB_C_REAL_FLOAT : SWB_C_REAL_DOUBLE);
+}
+
 /* An optimum whose switch lies between two control stages. */
 static void kinked(const swb_settings *s)
 {
@@ -722,4 +749,6 @@ void world_create(struct random *r)
         play(&s);
     if (random_once_in(r, 2))
         solve_program(r, &s);
+    if (random_once_in(r, 2))
+        written(r, &s);
 }
