@@ -98,6 +98,7 @@ NAVIGATION = """
       - Contraction of real-time iterations: benchmarks/nmpc_contraction.md
       - Quadratic programs of control: benchmarks/nmpc_qp.md
       - Quadratic programs of long horizons: benchmarks/nmpc_horizon.md
+      - Bounds that cannot be met: benchmarks/nmpc_infeasible.md
       - Linear algebra: benchmarks/linalg.md
       - Evaluation of models: benchmarks/model-eval.md
       - Calls from Python: benchmarks/python.md

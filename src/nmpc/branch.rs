@@ -209,7 +209,7 @@ impl Branches {
             if terms.over() {
                 break;
             }
-            let status = b.lin.solve(x, &Terms { deadline: terms.deadline, elastic: None });
+            let status = b.lin.solve(x, &Terms { deadline: terms.deadline, ..Terms::default() });
             choice.qps += 1;
             choice.iterations += b.lin.qp_iterations() as u64;
             if status != QpStatus::Solved {
@@ -354,7 +354,7 @@ impl Search<'_> {
     fn solve(&mut self, lin: &mut Linearisation) -> bool {
         let status = lin.solve(self.x0, &Terms::default());
         if status == QpStatus::Infeasible {
-            let elastic = Terms { deadline: None, elastic: Some(self.effort.price) };
+            let elastic = Terms { elastic: Some(self.effort.price), ..Terms::default() };
             return lin.solve(self.x0, &elastic) == QpStatus::Solved;
         }
         status == QpStatus::Solved

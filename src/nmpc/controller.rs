@@ -867,15 +867,16 @@ impl Nmpc {
     /// *Exact penalty functions in nonlinear programming*, 1979): without violations its solution is that of the program without prices.
     fn solve_program(&mut self, x: &[f64], deadline: Option<Instant>, iterations: &mut usize) -> (QpStatus, bool) {
         if !self.violating {
-            let status = self.solve_counted(x, Terms { deadline, elastic: None }, iterations);
+            let status = self.solve_counted(x, Terms { deadline, brief: true, ..Terms::default() }, iterations);
             if matches!(status, QpStatus::Solved | QpStatus::OutOfTime) || !self.lin.is_ready() {
                 return (status, false);
             }
             self.adapt_price();
         }
-        let mut status = self.solve_counted(x, Terms { deadline, elastic: Some(self.elastic_price()) }, iterations);
+        let priced = |price: f64| Terms { deadline, elastic: Some(price), ..Terms::default() };
+        let mut status = self.solve_counted(x, priced(self.elastic_price()), iterations);
         if status == QpStatus::Solved && self.adapt_price() {
-            status = self.solve_counted(x, Terms { deadline, elastic: Some(self.elastic_price()) }, iterations);
+            status = self.solve_counted(x, priced(self.elastic_price()), iterations);
         }
         self.violating = status != QpStatus::Solved || self.lin.violates();
         (if self.violating && status == QpStatus::Solved { QpStatus::Infeasible } else { status }, self.violating)
@@ -892,7 +893,7 @@ impl Nmpc {
     fn choose_branch(&mut self, x: &[f64], deadline: Option<Instant>, solved: bool, iterations: &mut usize) -> bool {
         let price = self.elastic_price();
         let Some(b) = &mut self.branches else { return false };
-        let terms = Terms { deadline, elastic: None };
+        let terms = Terms { deadline, ..Terms::default() };
         let choice = b.choose(&mut self.lin, x, &terms, (price, self.options.hysteresis, solved));
         self.monitor.qps += choice.qps;
         self.monitor.qp_iterations += choice.iterations;

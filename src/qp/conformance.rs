@@ -310,7 +310,7 @@ pub(super) fn refuses(make: &dyn Fn(&StageQp) -> Box<dyn QpSolver>) {
     let mut solver = make(&qp);
     assert!(solver.prepare(&qp));
     assert_eq!(solver.solve(&qp, &[f64::NAN, 0.0, 0.0], &Terms::default()), QpStatus::Failed);
-    let late = Terms { deadline: Some(Instant::now()), elastic: None };
+    let late = Terms { deadline: Some(Instant::now()), ..Terms::default() };
     assert!(matches!(solver.solve(&qp, &x0, &late), QpStatus::OutOfTime | QpStatus::Solved));
     let inside = |u: &[f64]| u.iter().enumerate().all(|(i, v)| *v >= qp.u_lower[i] && *v <= qp.u_upper[i]);
     assert!(inside(solver.controls()));

@@ -35,6 +35,11 @@ const ROUNDINGS: f64 = 64.0;
 /// Below this share of what the largest control would make of a row, it is asked whether a violation is rounding.
 const DOUBTFUL: f64 = 1e-8;
 
+/// Where no row is at its price yet, prices of all rows rise in these shares of the last one, and each solution is the guess for the next. At a high price at once
+/// multipliers pass through values between zero and there at which other constraints come and go: twice as many changes, with three masses and
+/// with a pendulum.
+const PRICES: [f64; 4] = [1e-4, 1e-3, 1e-2, 1e-1];
+
 /// What a row is at present.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
@@ -412,19 +417,43 @@ impl DualActiveSet {
     /// Solves; the guess is what was active last.
     pub fn solve(&mut self, q: &Program, rows: &mut dyn Rows, terms: &Terms) -> QpStatus {
         self.iterations = 0;
+        if let Some(price) = terms.elastic.filter(|_| !self.violates(q.rows)) {
+            for share in PRICES {
+                let status = self.find(q, rows, &Terms { elastic: Some(share * price), ..*terms });
+                if status == QpStatus::OutOfTime {
+                    return status;
+                }
+            }
+        }
+        let status = self.find(q, rows, terms);
+        if status != QpStatus::Solved {
+            return status;
+        }
+        self.refine(q, rows);
+        if self.u.iter().all(|v| v.is_finite()) {
+            QpStatus::Solved
+        } else {
+            QpStatus::Failed
+        }
+    }
+
+    /// The active set and its multipliers.
+    fn find(&mut self, q: &Program, rows: &mut dyn Rows, terms: &Terms) -> QpStatus {
         self.implied.fill(false);
         self.begin(q, rows, terms);
         let patience = CHANGES * (self.n + self.n_rows);
         self.tolerance = FEASIBLE;
+        let mut changes = 0;
         loop {
             if self.iterations > 0 && terms.over() {
                 self.cut_off(q);
                 return QpStatus::OutOfTime;
             }
             self.iterations += 1;
-            if self.iterations % patience == 0 {
+            changes += 1;
+            if changes % patience == 0 {
                 self.tolerance *= GROWTH;
-                if self.tolerance > COARSEST {
+                if self.tolerance > COARSEST || terms.brief {
                     self.cut_off(q);
                     return QpStatus::Failed;
                 }
@@ -443,12 +472,7 @@ impl DualActiveSet {
                 return QpStatus::Infeasible;
             }
         }
-        self.refine(q, rows);
-        if self.u.iter().all(|v| v.is_finite()) {
-            QpStatus::Solved
-        } else {
-            QpStatus::Failed
-        }
+        QpStatus::Solved
     }
 
     /// Prices, values where controls are zero, and a dual point: multipliers of the guess that have a sign they must not
@@ -463,8 +487,8 @@ impl DualActiveSet {
                 (None, Some(price)) => (price, 0.0),
                 (None, None) => (f64::INFINITY, 0.0),
             };
-            if self.state[n + i] != State::Out && (self.cap[n + i] != cap || self.shift[n + i] != shift) {
-                // an active row with another price starts as an ordinary one
+            if self.state[n + i] == State::Shifted && (self.cap[n + i] != cap || self.shift[n + i] != shift) {
+                // beyond another price it starts as an ordinary one
                 self.state[n + i] = State::In;
                 stale = true;
             }
@@ -515,8 +539,12 @@ impl DualActiveSet {
                 let high = if self.state[i] == State::Shifted { f64::INFINITY } else { self.cap[i] };
                 if !(target >= low && target <= high) {
                     self.remove(p);
-                    self.state[i] = State::Out;
                     kept = false;
+                    // a row that would cost more than its price is violated, not free
+                    self.state[i] = if target > high { self.beyond(i) } else { State::Out };
+                    if self.state[i] == State::Shifted && !self.append(i, q.inverse) {
+                        self.state[i] = State::Capped;
+                    }
                 }
             }
             if kept {

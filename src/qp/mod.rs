@@ -48,6 +48,8 @@ pub struct Terms {
     pub deadline: Option<Instant>,
     /// All rows may be violated, at this price per unit: the program then always has a solution.
     pub elastic: Option<f64>,
+    /// Methods that change one constraint at a time fail where they would loosen their tolerance: for those who ask for prices next.
+    pub brief: bool,
 }
 
 impl Terms {
