@@ -289,6 +289,14 @@ int main(void)
     AT(swb_step_stats, 10, penetration);
     AT(swb_step_stats, 11, deepest);
     CHECK(sizeof(swb_step_stats) == (size_t)8 * 12);
+    AT(swb_mhe_options, 0, struct_size);
+    AT(swb_mhe_options, 1, iterations);
+    AT(swb_mhe_options, 2, rk_family);
+    AT(swb_mhe_options, 3, n_s);
+    AT(swb_mhe_options, 4, steps);
+    AT(swb_mhe_options, 5, tol);
+    AT(swb_mhe_options, 6, deadline);
+    CHECK(sizeof(swb_mhe_options) == (size_t)8 * 7);
     AT(swb_nmpc_options, 0, struct_size);
     AT(swb_nmpc_options, 1, scheme);
     AT(swb_nmpc_options, 2, level);

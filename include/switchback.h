@@ -2213,6 +2213,11 @@ typedef struct swb_function swb_function;
 typedef struct swb_integrator swb_integrator;
 
 /**
+ * Estimator: states and constant parameters from the measurements of the last samples.
+ */
+typedef struct swb_mhe swb_mhe;
+
+/**
  * Model made of expressions: a piecewise smooth system with a report of what it consists of.
  */
 typedef struct swb_model swb_model;
@@ -3568,6 +3573,74 @@ typedef struct swb_step_stats {
 } swb_step_stats;
 
 /**
+ * Options of an estimator; swb_mhe_options_init sets the defaults.
+ */
+typedef struct swb_mhe_options {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Iterations of Gauss and Newton per sample at most, 1 to 10000; those behind the first linearise in swb_mhe_estimate.
+     */
+    int64_t iterations;
+    /**
+     * An enum swb_rk_family for the model, or -1 for that of the problem's settings.
+     */
+    int64_t rk_family;
+    /**
+     * Stages of the method, 0 for as many as the settings say.
+     */
+    int64_t n_s;
+    /**
+     * Steps in every stage, 0 for as many as the settings have finite elements.
+     */
+    int64_t steps;
+    /**
+     * Iterations end where a step is below this share of the standard deviations of the start.
+     */
+    double tol;
+    /**
+     * Seconds that swb_mhe_estimate may take; infinite for as many as it needs.
+     */
+    double deadline;
+} swb_mhe_options;
+
+/**
+ * Result of a preparation, a feedback or an estimate.
+ */
+typedef struct swb_nmpc_info {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Preparation: 1 if there is a quadratic program for the next sample.
+     */
+    int64_t ready;
+    /**
+     * Preparation: inner iterations. Estimate: iterations of Gauss and Newton.
+     */
+    int64_t inner;
+    /**
+     * Feedback and estimate: where the result comes from, an enum swb_nmpc_source.
+     */
+    int64_t source;
+    /**
+     * Feedback and estimate: how the quadratic program ended, an enum swb_nmpc_qp_status.
+     */
+    int64_t qp_status;
+    /**
+     * Feedback: changes of the active set.
+     */
+    int64_t qp_iterations;
+    /**
+     * Seconds.
+     */
+    double time;
+} swb_nmpc_info;
+
+/**
  * Options of a controller; swb_nmpc_options_init sets the defaults.
  */
 typedef struct swb_nmpc_options {
@@ -3631,40 +3704,6 @@ typedef struct swb_nmpc_options {
      */
     double hysteresis;
 } swb_nmpc_options;
-
-/**
- * Result of a preparation or a feedback.
- */
-typedef struct swb_nmpc_info {
-    /**
-     * Size of this struct in bytes.
-     */
-    uint64_t struct_size;
-    /**
-     * Preparation: 1 if there is a quadratic program for the next sample.
-     */
-    int64_t ready;
-    /**
-     * Preparation: inner iterations.
-     */
-    int64_t inner;
-    /**
-     * Feedback: where the control comes from, an enum swb_nmpc_source.
-     */
-    int64_t source;
-    /**
-     * Feedback: how the quadratic program ended, an enum swb_nmpc_qp_status.
-     */
-    int64_t qp_status;
-    /**
-     * Feedback: changes of the active set.
-     */
-    int64_t qp_iterations;
-    /**
-     * Seconds.
-     */
-    double time;
-} swb_nmpc_info;
 
 /**
  * Counts and times of a controller's own work since it was made or reset. Evaluations are counted for the whole horizon at once,
@@ -7097,6 +7136,155 @@ swb_status swb_batch_interrupt(const struct swb_batch *batch);
  * Free; NULL is allowed.
  */
 SWB_API void swb_batch_free(struct swb_batch *batch);
+
+/**
+ * Set the defaults of the options of an estimator.
+ *
+ * @param[out] options     every word is written
+ * @param[in]  struct_size sizeof(swb_mhe_options)
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
+ */
+SWB_API swb_status swb_mhe_options_init(struct swb_mhe_options *options, uint64_t struct_size);
+
+/**
+ * Create a moving horizon estimator for the system, the stages, the parameters and the bounds of states of a problem, which has no costs and no other
+ * constraints. Its stages are the samples of the window and have the same length; its initial state is the mean before the first measurement. All memory
+ * is taken here, but for logs of switches. Constant parameters are estimated as states with a zero derivative.
+ *
+ * @param[in]  ocp         copied as it is stated now
+ * @param[in]  measured    y by state, control of the stage before, parameters and time; dimensions of the system
+ * @param[in]  initial     [n_initial] nx standard deviations of the state before the first measurement, positive
+ * @param[in]  process     [n_process] nx standard deviations of what is added to the states in every stage, zero for none
+ * @param[in]  measurement [n_measurement] ny standard deviations of the measurements, positive
+ * @param[in]  options     NULL for the defaults
+ * @param[out] out         the new object, NULL on failure; free with swb_mhe_free
+ * @return SWB_OK; SWB_ERR_UNSUPPORTED for what estimators do not know: costs, other constraints, transitions, contacts, algebraic states;
+ *         SWB_ERR_DIMENSION; SWB_ERR_RANGE if an option or a deviation is outside its range; SWB_ERR_STATE without an initial state or
+ *         parameters; SWB_ERR_USER
+ */
+SWB_NODISCARD SWB_API
+swb_status swb_mhe_create(struct swb_ocp *ocp,
+                          const struct swb_function *measured,
+                          const double *initial,
+                          int64_t n_initial,
+                          const double *process,
+                          int64_t n_process,
+                          const double *measurement,
+                          int64_t n_measurement,
+                          const struct swb_mhe_options *options,
+                          struct swb_mhe **out);
+
+/**
+ * Sizes of an estimator.
+ *
+ * @param[out] n  stages of the window
+ * @param[out] nx states
+ * @param[out] nu controls
+ * @param[out] ny measurements of a sample
+ * @param[out] nw states that have noise
+ * @return SWB_OK; SWB_ERR_NULL
+ */
+SWB_API
+swb_status swb_mhe_sizes(struct swb_mhe *c,
+                         int64_t *n,
+                         int64_t *nx,
+                         int64_t *nu,
+                         int64_t *ny,
+                         int64_t *nw);
+
+/**
+ * Go to the next sample under a control, and do everything for it that needs no measurement: arrival cost, prediction, linearisation, factors.
+ *
+ * @param[in]  u           [nu] control from the last sample to this one; NULL with 0 for a system without
+ * @param[out] info        NULL if not wanted
+ * @param[in]  struct_size sizeof(swb_nmpc_info)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_USER if a function returned a negative
+ *         code; SWB_ERR_INTERRUPTED
+ */
+SWB_API
+swb_status swb_mhe_prepare(struct swb_mhe *c,
+                           const double *u,
+                           int64_t nu,
+                           struct swb_nmpc_info *info,
+                           uint64_t struct_size);
+
+/**
+ * The state at the sample of the last preparation, or at the start, from its measurements. It is a prediction where info says
+ * SWB_NMPC_SOURCE_PLAN: functions have no value at the estimate.
+ *
+ * @param[in]  y           [ny] NaN for what was not measured
+ * @param[out] x           [nx]
+ * @param[out] info        NULL if not wanted
+ * @param[in]  struct_size sizeof(swb_nmpc_info)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a measurement is infinite; SWB_ERR_STATE where the sample has an estimate: call
+ *         swb_mhe_prepare; SWB_ERR_USER; SWB_ERR_INTERRUPTED
+ */
+SWB_API
+swb_status swb_mhe_estimate(struct swb_mhe *c,
+                            const double *y,
+                            int64_t ny,
+                            double *x,
+                            int64_t nx,
+                            struct swb_nmpc_info *info,
+                            uint64_t struct_size);
+
+/**
+ * Set the parameters from the next preparation on; samples that were keep theirs.
+ *
+ * @param[in] p [np]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API swb_status swb_mhe_set_params(struct swb_mhe *c, const double *p, int64_t np);
+
+/**
+ * Back to the start with another mean: nothing was measured.
+ *
+ * @param[in] x0 [nx]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_USER; SWB_ERR_INTERRUPTED
+ */
+SWB_API
+swb_status swb_mhe_reset(struct swb_mhe *c,
+                         const double *x0,
+                         int64_t nx);
+
+/**
+ * The window: states of its nodes, the last sample at the end, and noise of its stages.
+ *
+ * @param[out] x      [(n + 1) nx]
+ * @param[out] w      [n nw]; NULL with 0 if not wanted
+ * @param[out] filled stages that were; those in front of them do nothing; NULL if not wanted
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_mhe_get_window(struct swb_mhe *c,
+                              double *x,
+                              int64_t n_x,
+                              double *w,
+                              int64_t n_w,
+                              int64_t *filled);
+
+/**
+ * The covariance of the last state by the linearisation of the last program, without regard of bounds.
+ *
+ * @param[out] p [nx nx]
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION; SWB_ERR_STATE where there is no program
+ */
+SWB_API
+swb_status swb_mhe_get_covariance(struct swb_mhe *c,
+                                  double *p,
+                                  int64_t n);
+
+/**
+ * End the call that runs: from any thread or signal handler.
+ *
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if the object has been freed
+ */
+SWB_API swb_status swb_mhe_interrupt(const struct swb_mhe *c);
+
+/**
+ * Free; NULL is allowed.
+ */
+SWB_API void swb_mhe_free(struct swb_mhe *c);
 
 /**
  * Set the defaults of the options of a controller.

@@ -60,6 +60,7 @@ NAVIGATION = """
           - Pulse width modulation: howto/pwm.md
           - Sampled controllers: howto/sampled.md
           - Controllers on microcontrollers: howto/microcontroller.md
+          - Moving horizon estimation: howto/moving_horizon.md
           - Terminal events: howto/events.md
           - Data as inputs: howto/data.md
           - Estimation of parameters: howto/estimation.md

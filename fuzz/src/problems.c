@@ -210,6 +210,15 @@ swb_ocp *tracking_ocp(swb_expr *graph, const swb_settings *settings)
     return ocp;
 }
 
+swb_ocp *observed_ocp(swb_expr *graph, const swb_settings *settings)
+{
+    static const double start[2] = {1.0, 0.0};
+    int64_t rhs[2];
+    MUST(swb_expr_inputs(graph, SWB_INPUT_X, 1, &rhs[0], 1));
+    MUST(swb_expr_inputs(graph, SWB_INPUT_U, 0, &rhs[1], 1));
+    return ocp_of(graph, rhs, start, settings);
+}
+
 swb_ocp *kinked_ocp(swb_expr *graph, const swb_settings *settings)
 {
     static const double start[2] = {-1.0, 0.0};

@@ -30,6 +30,8 @@ swb_model *friction_model(swb_expr *graph);
 swb_function *friction_cost(swb_expr *graph);
 /* x'' = u, which is to come to rest: a least-squares term of x and u; bounds of x[0]. */
 swb_ocp *tracking_ocp(swb_expr *graph, const swb_settings *settings);
+/* The same system without costs. */
+swb_ocp *observed_ocp(swb_expr *graph, const swb_settings *settings);
 /* A point that is to move with the speed 1.3 + 3.6 t and pays while it is right of 0. In the optimum it gets there between the
  * two control stages: with the first control at 2 the derivative of the cost is -0.075 below and 0.05 above. */
 swb_ocp *kinked_ocp(swb_expr *graph, const swb_settings *settings);

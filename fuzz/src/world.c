@@ -574,6 +574,44 @@ static void written(struct random *r, const swb_settings *s)
     DO(swb_nmpc_write_c, c, texts_folder(r), "controller", random_below(r, 2) ? SWB_C_REAL_FLOAT : SWB_C_REAL_DOUBLE);
 }
 
+/* An estimator of the position and speed of a mass, and of what the control lacks. */
+static void estimator(struct random *r, const swb_settings *s)
+{
+    static const double initial[2] = {1.0, 0.5}, process[2] = {0.0, 0.1}, sigma[1] = {0.1}, start[2] = {0.9, 0.1}, u[1] = {0.2};
+    double y[1] = {0.5}, x[8], w[2], covariance[4];
+    int64_t of[2], n, nx, nu, ny, nw, filled;
+    swb_mhe_options options;
+    swb_nmpc_info info;
+    swb_expr *graph = NULL;
+    swb_function *measured = NULL;
+    swb_mhe *c = NULL;
+    MUST(swb_expr_create(&graph));
+    pool_add(T_swb_expr, graph);
+    swb_ocp *ocp = observed_ocp(graph, s);
+    if (!keep(T_swb_ocp, ocp) || !DO(swb_mhe_options_init, &options, sizeof options))
+        return;
+    MUST(swb_expr_inputs(graph, SWB_INPUT_X, 0, of, 2));
+    MUST(swb_expr_function(graph, "measured", 2, 1, 0, of, 1, &measured));
+    pool_add(T_swb_function, measured);
+    options.iterations = 1 + random_below(r, 3);
+    options.rk_family = random_below(r, 3);
+    options.n_s = 2;
+    if (!DO(swb_mhe_create, ocp, measured, initial, 2, process, 2, sigma, 1, &options, &c))
+        return;
+    pool_add(T_swb_mhe, c);
+    DO(swb_mhe_sizes, c, &n, &nx, &nu, &ny, &nw);
+    for (int k = 0; k < 4; k++) {
+        y[0] = k == 2 ? NAN : 0.5;
+        DO(swb_mhe_estimate, c, y, 1, x, 2, &info, sizeof info);
+        DO(swb_mhe_prepare, c, u, 1, &info, sizeof info);
+    }
+    DO(swb_mhe_set_params, c, NULL, 0);
+    DO(swb_mhe_get_window, c, x, 6, w, 2, &filled);
+    DO(swb_mhe_get_covariance, c, covariance, 4);
+    DO(swb_mhe_interrupt, c);
+    DO(swb_mhe_reset, c, start, 2);
+}
+
 /* An optimum whose switch lies between two control stages. */
 static void kinked(const swb_settings *s)
 {
@@ -751,4 +789,6 @@ void world_create(struct random *r)
         solve_program(r, &s);
     if (random_once_in(r, 2))
         written(r, &s);
+    if (random_once_in(r, 2))
+        estimator(r, &s);
 }

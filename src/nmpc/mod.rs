@@ -15,14 +15,18 @@
 //! monitor        contraction, times, counts
 //! standby        the last plan with its feedback law
 //! code           controllers as C files
+//! estimator      states and parameters from what was measured, with the same programs
+//! arrival        what is known of samples that left its window
 //! worker         preparations on a thread of their own
 //! ```
 
+mod arrival;
 mod branch;
 mod code;
 mod constraints;
 mod controller;
 mod cost;
+mod estimator;
 mod evaluate;
 mod iterate;
 mod linearise;
@@ -37,6 +41,7 @@ mod worker;
 
 pub use code::CCode;
 pub use controller::{Feedback, Nmpc, Preparation};
+pub use estimator::{Estimate, Mhe, MheOptions, Noise};
 pub use iterate::Iterate;
 pub use linearise::HessianKind;
 pub use monitor::{Monitor, Timing};

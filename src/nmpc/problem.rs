@@ -17,7 +17,7 @@ fn refuse<T>(what: &str) -> Result<T> {
 }
 
 /// Does the system switch?
-fn switches(s: &Statement) -> bool {
+pub(super) fn switches(s: &Statement) -> bool {
     !s.system.subsystems().is_empty() || !s.system.inclusions().is_empty()
 }
 

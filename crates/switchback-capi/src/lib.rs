@@ -148,6 +148,7 @@ pub mod stepper;
 
 pub mod batch;
 
+pub mod mhe;
 pub mod nmpc;
 pub mod ocp;
 pub mod ocp_accuracy;

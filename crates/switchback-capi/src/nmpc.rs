@@ -183,37 +183,45 @@ fn pick<T: Copy>(what: &str, all: &[T], number: i64) -> Result<T> {
     found.ok_or_else(|| Error::Range(format!("there is no {what} {number}: it is 0 to {}", all.len() - 1)))
 }
 
-fn count(what: &str, v: i64) -> Result<usize> {
+pub(super) fn count(what: &str, v: i64) -> Result<usize> {
     usize::try_from(v).map_err(|_| Error::Range(format!("{what} is {v}: it is not negative")))
 }
 
-impl swb_nmpc_options {
-    /// Those of the caller, whose struct may be shorter or longer.
-    unsafe fn read(from: *const swb_nmpc_options) -> Result<swb_nmpc_options> {
-        let mut copy = swb_nmpc_options::default();
-        if from.is_null() {
-            return Ok(copy);
-        }
-        raw::check(from, "options")?;
-        let (size, ours) = (unsafe { from.cast::<u64>().read() }, copy.struct_size);
-        if !(8..=1 << 16).contains(&size) || size % 8 != 0 {
-            return Err(Error::State(format!("options has struct_size {size}: call swb_nmpc_options_init first")));
-        }
-        let to = (&mut copy as *mut swb_nmpc_options).cast::<u8>();
-        unsafe { ptr::copy_nonoverlapping(from.cast::<u8>(), to, size.min(ours) as usize) };
-        Ok(copy)
+/// Options of the caller, whose struct may be shorter or longer; the defaults for NULL.
+pub(super) unsafe fn read_options<T: Sized8 + Default>(from: *const T, init: &str) -> Result<T> {
+    let mut copy = T::default();
+    if from.is_null() {
+        return Ok(copy);
     }
+    raw::check(from, "options")?;
+    let size = unsafe { from.cast::<u64>().read() };
+    if !(8..=1 << 16).contains(&size) || size % 8 != 0 {
+        return Err(Error::State(format!("options has struct_size {size}: call {init} first")));
+    }
+    let to = (&mut copy as *mut T).cast::<u8>();
+    unsafe { ptr::copy_nonoverlapping(from.cast::<u8>(), to, size.min(size_of::<T>() as u64) as usize) };
+    Ok(copy)
+}
 
+/// The Runge-Kutta family with this number, that of the problem's settings for -1.
+pub(super) fn family(number: i64) -> Result<Option<Family>> {
+    let families = [
+        Family::RadauIia,
+        Family::GaussLegendre,
+        Family::Explicit,
+        Family::RadauIa,
+        Family::LobattoIiia,
+        Family::LobattoIiib,
+        Family::LobattoIiic,
+    ];
+    if number == -1 {
+        return Ok(None);
+    }
+    pick("rk_family", &families, number).map(Some)
+}
+
+impl swb_nmpc_options {
     fn options(&self) -> Result<Options> {
-        let families = [
-            Family::RadauIia,
-            Family::GaussLegendre,
-            Family::Explicit,
-            Family::RadauIa,
-            Family::LobattoIiia,
-            Family::LobattoIiib,
-            Family::LobattoIiic,
-        ];
         let levels = [Level::A, Level::B, Level::C, Level::D0, Level::D1, Level::D2];
         Ok(Options {
             scheme: pick("scheme", &[Scheme::Rti, Scheme::Mli, Scheme::AsRti, Scheme::Asc], self.scheme)?,
@@ -224,7 +232,7 @@ impl swb_nmpc_options {
             shift: pick("shift", &[false, true], self.shift)?,
             deadline: self.deadline,
             elastic_price: self.elastic_price,
-            family: if self.rk_family == -1 { None } else { Some(pick("rk_family", &families, self.rk_family)?) },
+            family: family(self.rk_family)?,
             n_s: count("n_s", self.n_s)?,
             steps: count("steps", self.steps)?,
             flips: count("flips", self.flips)?,
@@ -233,7 +241,7 @@ impl swb_nmpc_options {
     }
 }
 
-/// Result of a preparation or a feedback.
+/// Result of a preparation, a feedback or an estimate.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct swb_nmpc_info {
@@ -241,11 +249,11 @@ pub struct swb_nmpc_info {
     pub struct_size: u64,
     /// Preparation: 1 if there is a quadratic program for the next sample.
     pub ready: i64,
-    /// Preparation: inner iterations.
+    /// Preparation: inner iterations. Estimate: iterations of Gauss and Newton.
     pub inner: i64,
-    /// Feedback: where the control comes from, an enum swb_nmpc_source.
+    /// Feedback and estimate: where the result comes from, an enum swb_nmpc_source.
     pub source: i64,
-    /// Feedback: how the quadratic program ended, an enum swb_nmpc_qp_status.
+    /// Feedback and estimate: how the quadratic program ended, an enum swb_nmpc_qp_status.
     pub qp_status: i64,
     /// Feedback: changes of the active set.
     pub qp_iterations: i64,
@@ -270,7 +278,7 @@ impl swb_nmpc_info {
         }
     }
 
-    fn empty() -> swb_nmpc_info {
+    pub(super) fn empty() -> swb_nmpc_info {
         swb_nmpc_info {
             struct_size: size_of::<swb_nmpc_info>() as u64,
             ready: 0,
@@ -434,7 +442,7 @@ pub unsafe extern "C" fn swb_nmpc_create(
 ) -> swb_status {
     guard(|| unsafe {
         handle::create(out, |interrupt| {
-            let options = swb_nmpc_options::read(options)?.options()?;
+            let options = read_options(options, "swb_nmpc_options_init")?.options()?;
             handle::require(ocp)?;
             let ocp = handle::with_mut(ocp, copied)?;
             let nmpc = Nmpc::new(&ocp, &options)?;
@@ -546,14 +554,14 @@ pub unsafe extern "C" fn swb_nmpc_wait(c: *mut swb_nmpc, info: *mut swb_nmpc_inf
 }
 
 /// Nothing is done where what it did could not be said.
-fn check_info(info: *mut swb_nmpc_info, struct_size: u64) -> Result<()> {
+pub(super) fn check_info(info: *mut swb_nmpc_info, struct_size: u64) -> Result<()> {
     if info.is_null() {
         return Ok(());
     }
     check_sized(info, struct_size, "info")
 }
 
-unsafe fn write_info(value: &swb_nmpc_info, info: *mut swb_nmpc_info, struct_size: u64) -> Result<()> {
+pub(super) unsafe fn write_info(value: &swb_nmpc_info, info: *mut swb_nmpc_info, struct_size: u64) -> Result<()> {
     if info.is_null() {
         return Ok(());
     }

@@ -116,6 +116,7 @@ from .mpcc import (
 )
 from .multiphase import MultiPhase, MultiPhaseResult
 from ._ocp_search import Modes
+from .mhe import Mhe
 from .nmpc import ClosedLoop, Nmpc, closed_loop
 from .ocp import Kink, Multipliers, Ocp, OcpJump, OcpMultipliers, OcpResult, OcpSensitivity, Optimality, UnsetWarning
 from .plot import plot, plot_contacts, plot_phase, plot_run
@@ -173,6 +174,7 @@ __all__ = [
     "LinearStats",
     "LogLevel",
     "Member",
+    "Mhe",
     "Model",
     "Modes",
     "Mpcc",

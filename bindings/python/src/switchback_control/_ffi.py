@@ -999,6 +999,18 @@ class swb_step_stats(Structure):
     ]
 
 
+class swb_mhe_options(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("iterations", c_int64),
+        ("rk_family", c_int64),
+        ("n_s", c_int64),
+        ("steps", c_int64),
+        ("tol", c_double),
+        ("deadline", c_double),
+    ]
+
+
 class swb_nmpc_options(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -1376,6 +1388,17 @@ FUNCTIONS = {
     "swb_batch_get_run": (c_int32, [c_void_p, c_int64, c_void_p]),
     "swb_batch_interrupt": (c_int32, [c_void_p]),
     "swb_batch_free": (None, [c_void_p]),
+    "swb_mhe_options_init": (c_int32, [POINTER(swb_mhe_options), c_uint64]),
+    "swb_mhe_create": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, POINTER(swb_mhe_options), c_void_p]),
+    "swb_mhe_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
+    "swb_mhe_prepare": (c_int32, [c_void_p, c_void_p, c_int64, POINTER(swb_nmpc_info), c_uint64]),
+    "swb_mhe_estimate": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, POINTER(swb_nmpc_info), c_uint64]),
+    "swb_mhe_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_mhe_reset": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_mhe_get_window": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
+    "swb_mhe_get_covariance": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_mhe_interrupt": (c_int32, [c_void_p]),
+    "swb_mhe_free": (None, [c_void_p]),
     "swb_nmpc_options_init": (c_int32, [POINTER(swb_nmpc_options), c_uint64]),
     "swb_nmpc_create": (c_int32, [c_void_p, POINTER(swb_nmpc_options), c_void_p]),
     "swb_nmpc_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),

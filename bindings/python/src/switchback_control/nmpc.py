@@ -19,6 +19,7 @@ from ._progress import Progress
 from .errors import ArgumentError, DimensionError
 from .expr import Model, system_of
 from .integrator import Integrator
+from .mhe import Mhe
 from .ocp import Ocp
 from .recorded import Recorded, labels
 from .system import System
@@ -362,11 +363,12 @@ class ClosedLoop(Recorded):
 
     t         [steps + 1] times of the samples
     x         [steps + 1, nx] states of the plant at them
-    measured  [steps, nx] what the controller saw: with noise
+    measured  [steps, nx] what the controller saw: with noise. With an estimator [steps, its ny]: what that saw
+    estimates [steps, its nx] what the estimator found; empty without one
     u         [steps, nu] controls that acted on the plant
     sources   where each came from
     cost      sum of the costs of the samples; NaN without `cost`
-    preparation, feedback    [steps] seconds
+    preparation, feedback    [steps] seconds; those of the estimator are in the feedback
     names     names of the plant's states and controls, as far as it has any
     """
 
@@ -379,6 +381,7 @@ class ClosedLoop(Recorded):
     preparation: Array = field(repr=False)
     feedback: Array = field(repr=False)
     names: tuple[list[str], list[str]] = field(default=([], []), repr=False)
+    estimates: Array = field(default_factory=lambda: numpy.empty((0, 0)), repr=False)
 
     def _series(self) -> tuple[Array, dict[str, Array]]:
         controls = numpy.vstack([self.u, self.u[-1:]]) if len(self.u) else self.u
@@ -448,6 +451,7 @@ def closed_loop(
     t0: float = 0.0,
     noise: Any = None,
     measure: Callable[[Array, float], Any] | None = None,
+    estimator: Mhe | None = None,
     delay: int = 0,
     p: Any = None,
     cost: Callable[..., float] | None = None,
@@ -463,7 +467,9 @@ def closed_loop(
     sample   length of a sample; by default that of the first stage of an even grid
     noise    added to the state of the plant after every sample: amplitudes [nx] of uniform numbers that are the same in every run,
              or a function of the number of the sample
-    measure  (x, t) -> what the controller sees, [its nx]; by default the state itself
+    measure  (x, t) -> what the controller sees, [its nx]; by default the state itself. With an estimator: what that sees, [its ny]
+    estimator  an `Mhe` between the measurements and the controller, which gets the first of its states; the others are parameters.
+             Its model may be another one. `before` may read its `states` and tell the controller of them
     delay    samples that a control is late; the state is then predicted over the delay with the controls that are under way, by
              `predict`, a function (x, u, t) of one sample, or by the plant itself
     p        parameters of the plant: [np], or a function of time
@@ -489,18 +495,26 @@ def closed_loop(
     total = 0.0 if cost is not None else float("nan")
     waiting = [numpy.zeros(controller.nu)] * delay
     report = Progress(progress, 0, steps, "samples")
+    estimates: list[Array] = []
     for k in range(steps):
         t = t0 + k * ts
         if before is not None:
             before(controller, k, t)
         times[0, k] = controller.prepare().time
+        if estimator is not None and k > 0:
+            estimator.prepare(controls[-1])
         y = numpy.asarray(seen(x, t), dtype=float)
         measured.append(y)
         ahead = y
+        if estimator is not None:
+            found, estimate = estimator.estimate(y)
+            times[1, k] = estimate.time
+            estimates.append(found)
+            ahead = found[: controller.nx]
         for i, u in enumerate(waiting):
             ahead = numpy.asarray(foresee(ahead, u, t + i * ts), dtype=float)
         u, info = controller.feedback(ahead)
-        times[1, k] = info.time
+        times[1, k] += info.time
         sources.append(info.source)
         waiting.append(u)
         u = waiting.pop(0)
@@ -519,4 +533,4 @@ def closed_loop(
     grid = t0 + ts * numpy.arange(steps + 1)
     known = system_of(plant)._names if isinstance(plant, (System, Model)) else ((), ())
     names = list(known[0]), list(known[1])
-    return ClosedLoop(grid, numpy.array(states), numpy.array(measured), numpy.array(controls), sources, total, *times, names)
+    return ClosedLoop(grid, numpy.array(states), numpy.array(measured), numpy.array(controls), sources, total, *times, names, numpy.array(estimates) if estimates else numpy.empty((0, 0)))
