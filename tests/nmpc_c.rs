@@ -188,3 +188,62 @@ int main(void) {
     }
     assert!(limited > 0, "no control is at the new bounds");
 }
+
+/// A program that steps the unit for co-simulation through the recorded loop.
+const DRIVER: &str = r#"#include "unit_fmu.c"
+#include "unit_record.h"
+
+#include <stdio.h>
+
+int main(void) {
+    fmi2ValueReference of_x[NX], of_u[NU];
+    double x[NX], u[NU], worst = 0.0;
+    int i, k;
+    fmi2Component c = fmi2Instantiate("one", fmi2CoSimulation, GUID, "", NULL, 0, 0);
+    if (!c || fmi2Instantiate("two", fmi2CoSimulation, GUID, "", NULL, 0, 0)) {
+        return 2;
+    }
+    for (i = 0; i < NX; i++) {
+        of_x[i] = (fmi2ValueReference)i;
+    }
+    for (i = 0; i < NU; i++) {
+        of_u[i] = (fmi2ValueReference)(FIRST_U + i);
+    }
+    for (k = 0; k < SAMPLES; k++) {
+        int source;
+        const fmi2ValueReference zero = 0;
+        for (i = 0; i < NX; i++) {
+            x[i] = RECORD_X[k * NX + i];
+        }
+        if (fmi2SetReal(c, of_x, NX, x) != fmi2OK || fmi2DoStep(c, k * SAMPLE, SAMPLE, 1) != fmi2OK ||
+            fmi2GetReal(c, of_u, NU, u) != fmi2OK || fmi2GetInteger(c, &zero, 1, &source) != fmi2OK || source != RECORD_SOURCE[k]) {
+            return 3;
+        }
+        for (i = 0; i < NU; i++) {
+            worst = fmax(worst, fabs(u[i] - RECORD_U[k * NU + i]));
+        }
+    }
+    if (fmi2SetReal(c, of_u, NU, u) != fmi2Error || fmi2DoStep(c, 0.0, -1.0, 1) != fmi2Error || fmi2CancelStep(c) != fmi2Error) {
+        return 4;
+    }
+    x[0] = NAN;
+    k = fmi2SetReal(c, of_x, 1, x) == fmi2OK && fmi2DoStep(c, SAMPLES * SAMPLE, SAMPLE, 1) == fmi2OK && fmi2GetReal(c, of_u, NU, u) == fmi2OK;
+    fmi2FreeInstance(c);
+    printf("%s\n", k && isfinite(u[0]) && worst <= 1e-9 * RECORD_LARGEST ? "the same" : "another");
+    return 0;
+}
+"#;
+
+/// The unit for co-simulation compiles strictly, gives the recorded controls, and says what it does not know.
+#[test]
+fn a_unit_for_co_simulation() {
+    let mut c = controller(&pendulum(), Scheme::Rti, true);
+    let dir = folder("unit");
+    c.write_c("unit", CReal::Double).unwrap().write(&dir).unwrap();
+    std::fs::write(dir.join("driver.c"), DRIVER).unwrap();
+    run(&dir, "make", &["-s", "unit.o"]);
+    let strict = "-std=c99 -Wall -Wextra -Wpedantic -Werror -O1 driver.c unit.o -o driver -lm";
+    run(&dir, "cc", &strict.split(' ').collect::<Vec<_>>());
+    assert_eq!(run(&dir, "./driver", &[]), "the same\n");
+    std::fs::remove_dir_all(&dir).unwrap();
+}

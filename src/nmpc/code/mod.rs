@@ -4,6 +4,8 @@
 //! is [`crate::qp::Stagewise`] and the schemes with real-time iterations in C99. All memory is one static object whose size is known
 //! when it is compiled.
 
+mod fmu;
+
 use super::options::{Level, QpMethod, Scheme};
 use super::Nmpc;
 use crate::error::{Error, Result};
@@ -24,7 +26,8 @@ const BLOW: f64 = 0.005;
 /// The files of a controller.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CCode {
-    /// Names and contents: header, source, a program that runs the recorded loop, its data, and a Makefile.
+    /// Names and contents: header, source, a program that runs the recorded loop, its data, functions and description of a unit for
+    /// co-simulation, and a Makefile.
     pub files: Vec<(String, String)>,
 }
 
@@ -119,6 +122,8 @@ impl Nmpc {
     /// void prefix_reset(void);
     /// ```
     ///
+    /// `make fmu` makes a unit for co-simulation of them (FMI 2.0): inputs are the state and the references, outputs the control and its source.
+    ///
     /// Quadratic programs are solved stage by stage. The controller in C begins with the present plan, parameters and references, as this one
     /// does after [`Nmpc::set_iterate`] with its plan, which is where the call leaves it. The files hold a loop of this controller, recorded with
     /// states that are off their predictions, and a program that repeats it.
@@ -142,6 +147,7 @@ impl Nmpc {
         let w = Writer { real };
         let source = self.c_source(&w, prefix, &x, &u)?;
         let record = self.c_record(&w, prefix, &x, &u)?;
+        let [functions, description] = self.fmu(prefix, &source, [&x, &u]);
         let named = |text: &str| {
             let upper = prefix.to_ascii_uppercase();
             text.replace("@PREFIX@", &upper).replace("@prefix@", prefix)
@@ -152,6 +158,8 @@ impl Nmpc {
                 (format!("{prefix}.c"), source),
                 (format!("{prefix}_main.c"), named(MAIN)),
                 (format!("{prefix}_record.h"), record),
+                (format!("{prefix}_fmu.c"), functions),
+                ("modelDescription.xml".into(), description),
                 ("Makefile".into(), named(MAKEFILE)),
             ],
         })
