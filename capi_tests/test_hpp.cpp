@@ -248,6 +248,30 @@ static void parameters_of_optimal_control() {
     CHECK(std::abs(given.trajectory().at({2.0})[0] - 4.0) < 1e-9);
 }
 
+/* A constant that is measured twice: the mean, weighted by the deviations. */
+static void estimation() {
+    const swb::Sizes sizes{1, 0, 0};
+    swb::Function rest("f", sizes, 1, [](const swb_point &, double *out) { out[0] = 0.0; });
+    swb::Function state("x", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.x[0]; });
+    swb::System system(sizes);
+    system.f0(rest);
+    swb::Ocp window(system, 1.0, 4);
+    window.initial_state({0.0});
+    swb::MheOptions options;
+    options.rk_family = SWB_RK_FAMILY_EXPLICIT;
+    swb::Mhe mhe(window, state, {1.0}, {0.0}, {0.5}, options);
+    CHECK(mhe.stages() == 4 && mhe.states() == 1 && mhe.controls() == 0 && mhe.measurements() == 1 && mhe.noisy() == 0);
+    double x = 0.0;
+    CHECK(mhe.estimate({3.0}, &x, 1).source == SWB_NMPC_SOURCE_QP && std::abs(x - 4.0 * 3.0 / 5.0) < 1e-9);
+    CHECK(mhe.prepare().ready == 1);
+    mhe.estimate({1.0}, &x, 1);
+    CHECK(std::abs(x - 4.0 * 4.0 / 9.0) < 1e-9 && std::abs(mhe.covariance()[0] - 1.0 / 9.0) < 1e-9);
+    CHECK(mhe.window().second == 1 && std::abs(mhe.window().first[4] - x) < 1e-15);
+    mhe.reset({2.0});
+    CHECK(mhe.window().second == 0 && mhe.window().first[0] == 2.0);
+    mhe.interrupt();
+}
+
 static void programs() {
     swb::Function f("f", {2, 0, 0}, 1, [](const swb_point &at, double *out) {
         out[0] = (at.x[0] - 1) * (at.x[0] - 1) + at.x[1] * at.x[1];
@@ -608,6 +632,7 @@ int main() {
     optimal_control();
     terms_of_optimal_control();
     parameters_of_optimal_control();
+    estimation();
     programs();
     return failures ? 1 : 0;
 }

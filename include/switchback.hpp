@@ -1572,6 +1572,66 @@ private:
     int64_t n_ = 0, nx_ = 0, nu_ = 0;
 };
 
+/// Options of an Mhe: those of swb_mhe_options, with their defaults.
+struct MheOptions : swb_mhe_options {
+    MheOptions() { detail::check(swb_mhe_options_init(this, sizeof(swb_mhe_options))); }
+};
+
+/// Moving horizon estimation: prepare with the control of a sample, then estimate with its measurements.
+class Mhe {
+public:
+    /// A problem without costs: its stages are the samples of the window, its initial state the mean before the first measurement. Standard
+    /// deviations of that state, of what is added to the states in every stage, and of the measurements.
+    Mhe(const Ocp &ocp, const Function &measured, View initial, View process, View measurement, const MheOptions &options = {}) {
+        swb_mhe *c = nullptr;
+        detail::check(swb_mhe_create(ocp.get(), measured.get(), initial.data(), initial.length(), process.data(), process.length(),
+                                     measurement.data(), measurement.length(), &options, &c));
+        owner_.reset(c);
+        detail::check(swb_mhe_sizes(c, &n_, &nx_, &nu_, &ny_, &nw_));
+    }
+    /// To the next sample under the control u.
+    swb_nmpc_info prepare(View u = {}) {
+        swb_nmpc_info info{};
+        detail::check(swb_mhe_prepare(get(), u.data(), u.length(), &info, sizeof info));
+        return info;
+    }
+    /// The state from the measurements y, NaN for what was not measured; the info says where it comes from.
+    swb_nmpc_info estimate(View y, double *x, int64_t nx) {
+        swb_nmpc_info info{};
+        detail::check(swb_mhe_estimate(get(), y.data(), y.length(), x, nx, &info, sizeof info));
+        return info;
+    }
+    /// From the next preparation on.
+    void params(View p) { detail::check(swb_mhe_set_params(get(), p.data(), p.length())); }
+    /// Nothing was measured, with another mean.
+    void reset(View x0) { detail::check(swb_mhe_reset(get(), x0.data(), x0.length())); }
+    /// States of the window, the last sample at the end, and how many of its stages were.
+    std::pair<Vector, int64_t> window() {
+        std::pair<Vector, int64_t> out{Vector(static_cast<std::size_t>((n_ + 1) * nx_)), 0};
+        detail::check(swb_mhe_get_window(get(), out.first.data(), (n_ + 1) * nx_, nullptr, 0, &out.second));
+        return out;
+    }
+    /// Covariance of the last state, without regard of bounds.
+    Vector covariance() {
+        Vector p(static_cast<std::size_t>(nx_ * nx_));
+        detail::check(swb_mhe_get_covariance(get(), p.data(), nx_ * nx_));
+        return p;
+    }
+    /// Stages of the window, states, controls, measurements, states with noise.
+    int64_t stages() const noexcept { return n_; }
+    int64_t states() const noexcept { return nx_; }
+    int64_t controls() const noexcept { return nu_; }
+    int64_t measurements() const noexcept { return ny_; }
+    int64_t noisy() const noexcept { return nw_; }
+    /// Ends the running call, or the next one; from any thread and signal handler.
+    void interrupt() const noexcept { swb_mhe_interrupt(get()); }
+    swb_mhe *get() const noexcept { return owner_.get(); }
+
+private:
+    detail::Owner<swb_mhe, swb_mhe_free> owner_;
+    int64_t n_ = 0, nx_ = 0, nu_ = 0, ny_ = 0, nw_ = 0;
+};
+
 /// Phases one after the other, each a problem as it is stated when this is made, linked at their ends.
 class MultiPhase {
 public:
