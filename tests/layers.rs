@@ -181,6 +181,38 @@ fn threads_are_started_in_one_place() {
     assert!(wrong.is_empty(), "threads are started in {wrong:?}: use crate::parallel or crate::memory::thread");
 }
 
+/// Names and numbers of fields of the structs in a source.
+fn structs(text: &str) -> Vec<(String, usize)> {
+    let mut found: Vec<(String, usize)> = Vec::new();
+    let mut open = false;
+    for line in text.lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        if !line.starts_with(' ') {
+            open = false;
+            if let Some(i) = words.iter().position(|w| *w == "struct").filter(|_| line.ends_with('{')) {
+                found.push((words[i + 1].split('<').next().unwrap().into(), 0));
+                open = true;
+            }
+        } else if open && !words[0].starts_with("//") && !words[0].starts_with('#') {
+            // what a line break leaves of a type is deeper
+            let field = line.starts_with("    ") && !line.starts_with("     ") && line.contains(": ");
+            found.last_mut().unwrap().1 += usize::from(field);
+        }
+    }
+    found
+}
+
+/// Who reads a struct has to keep all of it in mind.
+#[test]
+fn structs_of_the_event_engine_have_at_most_40_fields() {
+    const MOST: usize = 40;
+    let files = inside_of(&["src"]).into_iter().filter(|(inside, _)| inside.starts_with("event"));
+    let all: Vec<(String, usize)> = files.flat_map(|(_, f)| structs(&fs::read_to_string(f).unwrap())).collect();
+    assert!(["Engine", "Field", "Stepper"].iter().all(|n| all.iter().any(|s| s.0 == *n && s.1 > 20)), "{all:?}");
+    let large: Vec<_> = all.into_iter().filter(|s| s.1 > MOST).collect();
+    assert!(large.is_empty(), "{large:?}");
+}
+
 #[test]
 fn the_scanner_sees_all_forms() {
     let text = "use crate::a::b;\nuse crate::{c, d::{e, f}, g};\n// crate::h\nlet x = crate::i::j(); my_crate::k";

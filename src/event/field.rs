@@ -137,6 +137,41 @@ pub(super) struct Held {
     u: Vec<f64>,
 }
 
+/// What holds without an evaluation.
+struct Valid {
+    /// Gradients are the same at any point.
+    constant: bool,
+    /// Those of indicators are known, those of guards, and those that single units know.
+    gradients: bool,
+    guards: bool,
+    straight: bool,
+    /// The rows of `C` are those of the present active set and scale, for any point where gradients are constant.
+    rows: bool,
+}
+
+impl Valid {
+    /// Nothing, but that gradients are constant or not.
+    fn new(constant: bool) -> Valid {
+        Valid { constant, gradients: false, guards: false, straight: false, rows: false }
+    }
+}
+
+/// What sliding modes are at the stages of the present step of an explicit pair.
+pub(super) struct Traces {
+    weights: Vec<Stages>,
+    /// The columns of `D`, one after the other, where they are kept: for derivatives.
+    columns: Vec<Stages>,
+    pub(super) keeps_columns: bool,
+}
+
+/// The Jacobian of the velocity: for fixed weights, and with what the weights of sliding modes add.
+struct Linear {
+    fixed: Fixed,
+    filled: Option<Box<Filled>>,
+    /// Are the last rows those with what the weights add?
+    weights_add: bool,
+}
+
 /// Evaluates the system under its active set. All memory is allocated once.
 pub(super) struct Field {
     pub(super) nx: usize,
@@ -161,8 +196,7 @@ pub(super) struct Field {
     /// First pair of every subsystem; one place more than there are subsystems.
     first_pair: Vec<usize>,
     /// Where one mode is the whole right-hand side: its outputs among those of all modes, and how many those are.
-    lone: Option<(usize, usize)>,
-    lone_out: usize,
+    lone: Option<(usize, usize, usize)>,
     /// Reciprocal of what every constraint changes by when all states change by their size.
     unit: Vec<f64>,
     /// The same for the switching functions, whose units have nothing to do with each other; 1 for indicators, which are
@@ -174,18 +208,11 @@ pub(super) struct Field {
     pub(super) dq: Vec<f64>,
     /// Which entries these are.
     pub(super) gradients: Gradients,
-    /// `dq` holds for any point.
-    dq_constant: bool,
-    dq_known: bool,
-    guards_known: bool,
-    /// Single units know the gradients that are constant.
-    straight_known: bool,
+    valid: Valid,
     /// `b`.
     base: Vec<f64>,
     /// `D`, and the rows of `C`, scaled.
     sliding: Sliding,
-    /// The rows of `C` are those of the present active set and scale, for any point where gradients are constant.
-    rows_known: bool,
     /// The motion in a limit set, where the present mode is one.
     pub(super) limit: Option<Box<Limit>>,
     /// How weights are selected where surfaces meet and do not determine them, and the intersections of the present active set.
@@ -193,19 +220,11 @@ pub(super) struct Field {
     selected: Option<Box<Selected>>,
     /// Weights at the last point.
     pub(super) alpha: Vec<f64>,
-    /// Weights at the stages of the present step of an explicit pair.
-    traces: Vec<Stages>,
-    /// The columns of `D` there, one after the other, where they are kept: for derivatives.
-    column_traces: Vec<Stages>,
-    pub(super) keeps_columns: bool,
+    pub(super) traces: Traces,
     side: Option<Box<Side>>,
     still: Still,
     room: Vec<f64>,
-    /// The Jacobian of the velocity: for fixed weights, and with what the weights of sliding modes add.
-    fixed: Fixed,
-    filled: Option<Box<Filled>>,
-    /// Are the last rows those with what the weights add?
-    weights_add: bool,
+    linear: Linear,
     /// Weights of the indicators of one subsystem.
     q_weights: Vec<f64>,
     buffer: Vec<f64>,
@@ -306,7 +325,7 @@ impl Field {
                 .map(|s| Vec::with_capacity(s.cells.len()))
                 .chain((0..n_contacts).map(|_| Vec::with_capacity(1)))
                 .collect(),
-            dq_constant: subs.iter().all(|s| s.affine) && guards.all.iter().all(|g| g.affine),
+            valid: Valid::new(subs.iter().all(|s| s.affine) && guards.all.iter().all(|g| g.affine)),
             subs,
             guards,
             n_cells,
@@ -316,31 +335,22 @@ impl Field {
             pairs: Vec::with_capacity(most),
             first_pair: Vec::new(),
             lone: None,
-            lone_out: 0,
             unit: vec![1.0; most],
             q_unit: vec![1.0; q0],
             q: vec![0.0; q0],
             dq: vec![0.0; gradients.len()],
             gradients,
-            dq_known: false,
-            guards_known: false,
-            straight_known: false,
             base: vec![0.0; nx],
             sliding: Sliding::new(rows, columns, (nx, n_z)),
-            rows_known: false,
             limit: None,
             selection: Selection::Bilinear,
             selected: None,
             alpha: vec![0.0; most],
-            traces: vec![[0.0; 16]; most],
-            column_traces: Vec::new(),
-            keeps_columns: false,
+            traces: Traces { weights: vec![[0.0; 16]; most], columns: Vec::new(), keeps_columns: false },
             side: None,
             still: Still::default(),
             room: vec![0.0; most],
-            fixed,
-            filled: None,
-            weights_add: false,
+            linear: Linear { fixed, filled: None, weights_add: false },
             q_weights: vec![0.0; q0],
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],
@@ -384,10 +394,7 @@ impl Field {
 
     /// Parameters or controls have changed: nothing is known any more.
     pub(super) fn forget(&mut self) {
-        self.rows_known = false;
-        self.dq_known = false;
-        self.guards_known = false;
-        self.straight_known = false;
+        self.valid = Valid::new(self.valid.constant);
         self.guards.forget();
         if let Some(c) = &mut self.contacts {
             c.forget();
@@ -417,8 +424,8 @@ impl Field {
     /// Makes `sets` the active cells.
     pub(super) fn set_active(&mut self, sets: &[Vec<usize>]) {
         self.limit = None;
-        self.rows_known = false;
-        if let Some(f) = &mut self.filled {
+        self.valid.rows = false;
+        if let Some(f) = &mut self.linear.filled {
             f.listed = false;
         }
         self.still.known = false;
@@ -447,8 +454,7 @@ impl Field {
         if let ([s], true, true) = (&self.subs[..], self.drifts.is_empty(), self.pairs.is_empty()) {
             if s.identity {
                 let mode = s.cells[self.active[0][0] - s.first].mode;
-                self.lone = Some((mode * self.nx, (mode + 1) * self.nx));
-                self.lone_out = s.n_out;
+                self.lone = Some((mode * self.nx, (mode + 1) * self.nx, s.n_out));
             }
         }
     }
@@ -459,7 +465,7 @@ impl Field {
             return Ok(());
         }
         self.gradients(t, x)?;
-        self.rows_known = false;
+        self.valid.rows = false;
         self.unit.fill(1.0);
         let reciprocal = |size: f64| if size > 0.0 { 1.0 / size } else { 1.0 };
         let sliding = |k: &usize| self.first_pair[*k + 1] > self.first_pair[*k];
@@ -475,7 +481,7 @@ impl Field {
             let unit = self.unit[i];
             self.sliding.row_mut(i).iter_mut().for_each(|c| *c *= unit);
         }
-        self.rows_known = true;
+        self.valid.rows = true;
         Ok(())
     }
 
@@ -565,9 +571,9 @@ impl Field {
         }
         self.parts(t, x)?;
         self.gradients(t, x)?;
-        if !(self.rows_known && self.dq_constant) {
+        if !(self.valid.rows && self.valid.constant) {
             self.constraint_rows();
-            self.rows_known = true;
+            self.valid.rows = true;
         }
         let r = self.pairs.len();
         match self.sliding.weights_alone(&self.pairs, &self.base, &mut self.alpha[..r]) {
@@ -655,8 +661,8 @@ impl Field {
         let pairs = self.pairs_of(self.owner[cell]);
         let own = pairs.clone().find(|j| self.pairs[*j].cell == cell);
         let theta = |i: usize| match own {
-            Some(j) => self.traces[j][i],
-            None => pairs.clone().fold(1.0, |base, j| base - self.traces[j][i]),
+            Some(j) => self.traces.weights[j][i],
+            None => pairs.clone().fold(1.0, |base, j| base - self.traces.weights[j][i]),
         };
         stages.map(theta).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)))
     }
@@ -668,7 +674,7 @@ impl Field {
 
     /// Are the gradients of the indicators the same everywhere?
     pub(super) fn constant_gradients(&self) -> bool {
-        self.dq_constant
+        self.valid.constant
     }
 }
 

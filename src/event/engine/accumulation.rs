@@ -575,3 +575,75 @@ impl Engine {
         Ok(Some(Progress::Switched))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_source_remembers_eight_intervals_of_its_own_epoch() {
+        let mut h = History::default();
+        assert_eq!((h.back(0), h.gap(0), h.gaps()), (None, None, None));
+        (0..20).for_each(|k| h.note(f64::from(k * k), 0));
+        assert_eq!(h.back(0), Some(361.0));
+        assert_eq!(h.back(MEMORY), Some(121.0));
+        assert_eq!(h.back(MEMORY + 1), None);
+        assert_eq!(h.gap(1), Some(35.0));
+        assert_eq!(h.gaps(), Some(std::array::from_fn(|i| (23 + 2 * i) as f64)));
+        h.note(500.0, 1);
+        assert_eq!((h.back(0), h.back(1)), (Some(500.0), None));
+    }
+
+    #[test]
+    fn the_rest_of_a_geometric_series() {
+        let series = |ratio: f64| -> [f64; MEMORY] { std::array::from_fn(|i| ratio.powi(i as i32)) };
+        for ratio in [0.2f64, 0.5, 0.9] {
+            let rest = ratio.powi(MEMORY as i32) / (1.0 - ratio);
+            assert!((rest_of_series(&series(ratio)).unwrap() / rest - 1.0).abs() < 1e-12, "{ratio}");
+        }
+        assert_eq!(rest_of_series(&[1.0; MEMORY]), None);
+        assert_eq!(rest_of_series(&series(1.1)), None);
+        // one long interval, with short ones of no order behind it
+        assert_eq!(rest_of_series(&[100.0, 1.0, 1.2, 0.9, 1.1, 1.0, 0.8, 1.1]), None);
+    }
+
+    /// Switches at rates that fall by a half, and so at intervals that do.
+    fn falling(recent: &mut Recent, switches: i32) {
+        for k in 0..switches {
+            let gap = 0.5f64.powi(k);
+            recent.gaps[recent.n % MEMORY] = gap;
+            recent.last += gap;
+            recent.n += 1;
+            recent.follow(Some((0, -gap)), 1e-9);
+        }
+    }
+
+    #[test]
+    fn the_limit_of_a_series_is_found_and_none_that_switches_have_passed() {
+        let mut r = Recent::new(1, 0, Vec::new());
+        falling(&mut r, 20);
+        // the last switch is at 2 - 2^-19
+        let exact = 2.0;
+        let late = exact + 1e-4;
+        assert!((r.limit(late) - exact).abs() < 1e-12);
+        // what is as near as that is known no better by the series
+        assert_eq!(r.limit(exact), exact);
+        r.last = exact + 1e-5;
+        assert_eq!(r.limit(late), late);
+    }
+
+    #[test]
+    fn rates_that_fall_quickly_sharpen_the_tolerances_for_a_while() {
+        let mut f = Falling::default();
+        assert_eq!(f.share(0.0), 1.0);
+        f.note(Some((0, -1.0)), (1.0, 1e-9), None);
+        assert_eq!(f.share(0.0), 1.0);
+        f.note(Some((0, -0.01)), (0.1, 1e-9), Some(-1.0));
+        let share = f.share(0.0);
+        assert!(share > 0.0 && share <= 1e-4, "{share}");
+        assert_eq!(f.share(1.0), 1.0);
+        // at the same rate: over
+        f.note(Some((0, -0.01)), (0.1, 1e-9), Some(-0.01));
+        assert_eq!((f.n, f.share(0.0)), (0, 1.0));
+    }
+}

@@ -648,3 +648,32 @@ impl Engine {
         Ok((100.0 * h).min(h1).min(most))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn first_steps_are_as_short_as_before_where_that_happens_often() {
+        let mut f = FirstStep::default();
+        f.note(0.1, true);
+        assert_eq!(f.longest(), f64::INFINITY);
+        f.note(0.2, true);
+        assert_eq!(f.longest(), 0.2);
+        f.allow(0.3);
+        assert_eq!(f.longest(), 0.3);
+        // now and then one begins as if nothing were known
+        let free = (0..16).filter(|_| {
+            let free = f.longest().is_infinite();
+            f.note(0.2, true);
+            free
+        });
+        assert_eq!(free.count(), 2);
+        // and where that passes, all do
+        while f.longest().is_finite() {
+            f.note(0.2, true);
+        }
+        f.note(1.0, false);
+        assert_eq!(f.longest(), f64::INFINITY);
+    }
+}

@@ -475,3 +475,21 @@ impl Engine {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cascades_that_repeat_are_endless_and_counters_are_not() {
+        let mut c = Cascade::default();
+        // three transitions in turn, in states that repeat
+        let after = (0..100).find(|k| c.endless(k % 3, &[f64::from((k % 3) as i32)]).is_some());
+        assert!(after.is_some_and(|k| k < 12), "{after:?}");
+        let mut c = Cascade::default();
+        assert!((0..MOST as usize).all(|k| c.endless(k % 2, &[k as f64]).is_none()));
+        // but not for ever
+        let says = (0..2 * MOST as usize).find_map(|k| c.endless(0, &[-1.0 - k as f64]));
+        assert!(says.is_some_and(|s| s.contains("1024 times")));
+    }
+}

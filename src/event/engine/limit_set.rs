@@ -435,3 +435,23 @@ impl Engine {
         Ok((inside && distance.is_finite()).then_some(distance))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals_that_only_shrink_are_endless_after_many() {
+        let mut s = Shrinking::default();
+        let windows = MANY / MEMORY;
+        (0..windows).for_each(|k| s.note(1.0 - 0.9 * k as f64 / windows as f64));
+        assert!(s.endless());
+        // a longer one begins anew
+        s.note(0.5);
+        assert!(!s.endless());
+        // not by as much as that
+        let mut s = Shrinking::default();
+        (0..2 * windows).for_each(|k| s.note(1.0 - 0.5 * k as f64 / windows as f64 / 2.0));
+        assert!(!s.endless());
+    }
+}

@@ -436,3 +436,28 @@ impl Engine {
         self.switch(l, rate, h).map(Some)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `sqrt |x|` with a sign: Newton's method alone leaves it.
+    #[test]
+    fn brackets_close_on_a_zero_that_is_infinitely_steep() {
+        let value = |h: f64| (0.3 - h).signum() * (0.3f64 - h).abs().sqrt();
+        let mut b = Bracket::default();
+        assert_eq!((b.width(), b.middle(0.5)), (f64::INFINITY, None));
+        b.note(0.0, value(0.0));
+        assert_eq!(b.middle(0.5), None);
+        b.note(1.0, value(1.0));
+        // what is well inside is taken, else the middle
+        assert_eq!((b.middle(0.4), b.middle(0.99), b.middle(f64::NAN)), (Some(0.4), Some(0.5), Some(0.5)));
+        let mut h = 0.5;
+        for _ in 0..40 {
+            b.note(h, value(h));
+            let newton = h + 2.0 * (0.3 - h);
+            h = b.middle(newton).unwrap_or(h);
+        }
+        assert!(b.width() < 1e-9 && b.before <= Some(0.3) && b.behind >= Some(0.3), "{b:?}");
+    }
+}

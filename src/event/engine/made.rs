@@ -43,7 +43,7 @@ impl Engine {
         }
         let mut field = Field::new(&dcs, system);
         field.selection = options.selection;
-        field.keeps_columns = options.sensitivity != Sensitivity::Off || options.adjoint;
+        field.traces.keeps_columns = options.sensitivity != Sensitivity::Off || options.adjoint;
         check_preferred(options, &field)?;
         let spread = |v: &[f64]| (0..nx).map(|i| v[i % v.len()]).collect::<Vec<f64>>();
         let (n_q, n_z, n_cells) = (field.q.len(), field.n_z, field.n_cells);

@@ -187,3 +187,24 @@ impl Engine {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_written_once_and_in_their_order() {
+        let mut s = Sampled { times: vec![0.5, 1.0, 1.0, 3.0], known: 0, states: vec![f64::NAN; 8] };
+        assert!(!s.are_wanted(0.4) && s.are_wanted(0.5));
+        let state = |by: f64| move |t: f64, out: &mut [f64]| out.copy_from_slice(&[t, by]);
+        s.write(0.4, 2, state(0.0));
+        s.write(1.0, 2, state(1.0));
+        assert!(!s.are_wanted(2.9));
+        s.write(2.0, 2, state(2.0));
+        assert_eq!(s.states[..6], [0.5, 1.0, 1.0, 1.0, 1.0, 1.0]);
+        assert!(s.states[6..].iter().all(|v| v.is_nan()));
+        s.write(4.0, 2, state(4.0));
+        assert_eq!(s.states[6..], [3.0, 4.0]);
+        assert!(!s.are_wanted(f64::INFINITY));
+    }
+}

@@ -348,7 +348,7 @@ impl Field {
     pub(in crate::event) fn weight_alone(&mut self, cell: usize, t: f64, x: &[f64]) -> Option<f64> {
         let k = self.owner[cell];
         let i = self.first_pair[k];
-        if self.first_pair[k + 1] != i + 1 || !self.dq_constant || !self.rows_known || !self.sliding.is_alone(i) {
+        if self.first_pair[k + 1] != i + 1 || !self.valid.constant || !self.valid.rows || !self.sliding.is_alone(i) {
             return None;
         }
         let b = self.bundle.as_mut()?;

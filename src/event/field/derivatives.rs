@@ -20,7 +20,7 @@ impl Field {
             return self.scene_jacobian(t, x, out);
         }
         self.linearise_fixed(t, x, alpha)?;
-        self.fixed.expand(self.n_z, out);
+        self.linear.fixed.expand(self.n_z, out);
         Ok(())
     }
 
@@ -61,7 +61,7 @@ impl Field {
                 continue;
             }
             for (a, c) in self.sliding.row_of_states(self.pairs[i], i) {
-                self.fixed.entries(a).for_each(|(z, v)| out[z] -= y * c * v);
+                self.linear.fixed.entries(a).for_each(|(z, v)| out[z] -= y * c * v);
             }
         }
         (0..self.subs.len()).try_for_each(|k| self.curvature_of(k, (t, x, velocity), out))

@@ -76,11 +76,11 @@ impl Field {
         x: &[f64],
         room: &'a mut [f64],
     ) -> std::result::Result<&'a [f64], EvalError> {
-        if let Some((from, to)) = self.lone {
+        if let Some((from, to, n_out)) = self.lone {
             self.counts.values += 1;
             let at = Point { t, x, u: &self.u, p: &self.p };
             let modes = &self.subs[0].modes;
-            modes.value_rows(&at, from..to, &mut self.buffer[..self.lone_out], &mut self.work)?;
+            modes.value_rows(&at, from..to, &mut self.buffer[..n_out], &mut self.work)?;
             return Ok(&self.buffer[from..to]);
         }
         self.rhs_of_parts(t, x, room)?;
@@ -178,14 +178,14 @@ impl Field {
 
     /// Gradients of the indicator functions.
     pub(in crate::event) fn gradients(&mut self, t: f64, x: &[f64]) -> EvalResult {
-        if self.dq_known && self.dq_constant {
+        if self.valid.gradients && self.valid.constant {
             return Ok(());
         }
         match self.gradients_at(t, x) {
             Err(EvalError::Recoverable) => self.gradients_beside(t, x)?,
             r => r?,
         }
-        self.dq_known = true;
+        self.valid.gradients = true;
         Ok(())
     }
 
@@ -211,29 +211,29 @@ impl Field {
     /// Gradients of everything that is watched.
     pub(in crate::event) fn watched_gradients(&mut self, t: f64, x: &[f64]) -> EvalResult {
         self.gradients(t, x)?;
-        if self.guards_known && self.dq_constant {
+        if self.valid.guards && self.valid.constant {
             return Ok(());
         }
         if self.guards.armed.is_empty() {
-            self.guards_known = true;
+            self.valid.guards = true;
             return Ok(());
         }
         let at = Point { t, x, u: &self.u, p: &self.p };
         let room = (&mut self.buffer[..], &mut self.work[..]);
-        self.guards.gradients(&at, &mut self.dq, self.dq_constant, room)?;
-        self.guards_known = true;
+        self.guards.gradients(&at, &mut self.dq, self.valid.constant, room)?;
+        self.valid.guards = true;
         Ok(())
     }
 
     /// Guards of the discrete states of `x` are watched from here on.
     pub(in crate::event) fn arm(&mut self, x: &[f64]) {
         self.guards.arm(x);
-        self.guards_known = false;
+        self.valid.guards = false;
     }
 
     /// Watches these transitions alone, whatever the discrete states are. What was watched before is given back.
     pub(in crate::event) fn watch_alone(&mut self, guards: Vec<usize>) -> Vec<usize> {
-        self.guards_known = false;
+        self.valid.guards = false;
         std::mem::replace(&mut self.guards.armed, guards)
     }
 

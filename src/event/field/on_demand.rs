@@ -327,8 +327,8 @@ impl Field {
             }
         }
         (s.modes, s.indicators) = (d.modes(), d.indicators());
-        self.dq_known = false;
-        self.rows_known = false;
+        self.valid.gradients = false;
+        self.valid.rows = false;
     }
 
     /// Only the active patterns are of interest from here on.

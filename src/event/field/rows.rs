@@ -187,24 +187,24 @@ impl Field {
     /// The same without the modes of those subsystems that are not `asked` for.
     fn linearise_modes(&mut self, t: f64, x: &[f64], alpha: &[f64], asked: impl Fn(usize) -> bool) -> EvalResult {
         self.counts.jacobians += 1;
-        self.fixed.rows.values.fill(0.0);
+        self.linear.fixed.rows.values.fill(0.0);
         let at = Point { t, x, u: &self.u, p: &self.p };
-        for (d, own) in self.drifts.iter().zip(&self.fixed.drifts) {
+        for (d, own) in self.drifts.iter().zip(&self.linear.fixed.drifts) {
             let n = d.f.jac_pattern().nnz();
             d.f.jacobian(&at, &mut self.buffer[..n], &mut self.work)?;
-            own.iter().for_each(|&(k, place)| self.fixed.rows.values[place] += self.buffer[k]);
+            own.iter().for_each(|&(k, place)| self.linear.fixed.rows.values[place] += self.buffer[k]);
         }
         for (k, s) in self.subs.iter().enumerate().filter(|(k, _)| asked(*k)) {
             let (nr, nnz) = (s.rows.len(), s.modes.jac_pattern().nnz());
             for &cell in &self.active[k] {
                 let mode = s.cells[cell - s.first].mode;
-                let own = &self.fixed.modes[k][mode];
+                let own = &self.linear.fixed.modes[k][mode];
                 if own.is_empty() {
                     continue;
                 }
                 let weight = self.theta_in(alpha, cell);
                 s.modes.jacobian_rows(&at, mode * nr..(mode + 1) * nr, &mut self.buffer[..nnz], &mut self.work)?;
-                own.iter().for_each(|&(k, place)| self.fixed.rows.values[place] += weight * self.buffer[k]);
+                own.iter().for_each(|&(k, place)| self.linear.fixed.rows.values[place] += weight * self.buffer[k]);
             }
         }
         Ok(())
@@ -219,11 +219,11 @@ impl Field {
     ///
     /// with `J` the Jacobian for fixed weights.
     pub(in crate::event) fn linearise(&mut self, t: f64, x: &[f64]) -> EvalResult {
-        self.weights_add = !self.pairs.is_empty() || self.has_contacts() || self.is_selected();
-        let r = if self.weights_add {
-            let mut filled = self.filled.take().unwrap_or_default();
+        self.linear.weights_add = !self.pairs.is_empty() || self.has_contacts() || self.is_selected();
+        let r = if self.linear.weights_add {
+            let mut filled = self.linear.filled.take().unwrap_or_default();
             let r = self.linearise_velocity(t, x, &mut filled);
-            self.filled = Some(filled);
+            self.linear.filled = Some(filled);
             r
         } else {
             self.linearise_fixed(t, x, &[])
@@ -234,9 +234,9 @@ impl Field {
 
     /// The rows that [`Field::linearise`] has found last.
     pub(in crate::event) fn velocity_rows(&self) -> &Rows {
-        match &self.filled {
-            Some(filled) if self.weights_add => &filled.rows,
-            _ => &self.fixed.rows,
+        match &self.linear.filled {
+            Some(filled) if self.linear.weights_add => &filled.rows,
+            _ => &self.linear.fixed.rows,
         }
     }
 
@@ -265,7 +265,7 @@ impl Field {
 
     /// Lists the rows under the present active set.
     pub(super) fn list_rows(&self, to: &mut Filled) {
-        let (sliding, fixed) = (&self.sliding, &self.fixed);
+        let (sliding, fixed) = (&self.sliding, &self.linear.fixed);
         to.seen.clear();
         to.seen.resize(self.n_z, usize::MAX);
         to.at.resize(self.n_z, 0);
@@ -279,7 +279,7 @@ impl Field {
             }
             for &i in sliding.pairs_of(b) {
                 let states = sliding.row_of_states(self.pairs[i], i).flat_map(|(a, _)| fixed.inputs(a));
-                let bent = if self.dq_constant { 0 } else { usize::MAX };
+                let bent = if self.valid.constant { 0 } else { usize::MAX };
                 for z in states.chain(sliding.row(self.pairs[i], i).map(|c| c.0).take(bent)) {
                     if to.seen[z] != b {
                         to.seen[z] = b;
@@ -336,7 +336,7 @@ impl Field {
     /// Adds `D ∂α` to the Jacobian for fixed weights.
     fn add_weights(&mut self, t: f64, x: &[f64], to: &mut Filled) -> EvalResult {
         to.rows.values.fill(0.0);
-        to.own.iter().for_each(|&(p, from)| to.rows.values[p as usize] = self.fixed.rows.values[from as usize]);
+        to.own.iter().for_each(|&(p, from)| to.rows.values[p as usize] = self.linear.fixed.rows.values[from as usize]);
         to.line.resize(self.n_z, 0.0);
         let mut places = &to.places[..];
         let mut large = 0;
@@ -352,7 +352,7 @@ impl Field {
             for (k, row) in rates.chunks_exact_mut(n.max(1)).enumerate() {
                 let i = self.sliding.pairs_of(b)[k];
                 inputs.iter().for_each(|z| to.line[*z as usize] = 0.0);
-                if !self.dq_constant {
+                if !self.valid.constant {
                     let sub = self.pairs[i].sub;
                     let own = self.pairs_of(sub);
                     self.room[own].fill(0.0);
@@ -360,7 +360,7 @@ impl Field {
                     self.curvature_of(sub, (t, x, &to.velocity), &mut to.line)?;
                 }
                 for (a, c) in self.sliding.row_of_states(self.pairs[i], i) {
-                    self.fixed.entries(a).for_each(|(z, v)| to.line[z] -= c * v);
+                    self.linear.fixed.entries(a).for_each(|(z, v)| to.line[z] -= c * v);
                 }
                 row.iter_mut().zip(inputs).for_each(|(r, z)| *r = to.line[*z as usize]);
             }

@@ -106,7 +106,7 @@ impl Field {
     /// surfaces change with the point, and not in scenes and limit sets.
     pub(in crate::event) fn linearises_at_once(&self) -> bool {
         let general = self.has_contacts() || self.is_selected() || self.limit.is_some();
-        !general && (self.pairs.is_empty() || self.dq_constant)
+        !general && (self.pairs.is_empty() || self.valid.constant)
     }
 
     /// [`Field::linearise`] at stages of the last step, or of one whose weights have been given back by
@@ -124,7 +124,7 @@ impl Field {
             inputs: vec![[0.0; LANES]; self.n_z],
             buffer: vec![[0.0; LANES]; self.buffer.len()],
             work: vec![[0.0; LANES]; self.work.len()],
-            fixed: vec![[0.0; LANES]; self.fixed.rows.values.len()],
+            fixed: vec![[0.0; LANES]; self.linear.fixed.rows.values.len()],
             line: vec![[0.0; LANES]; self.n_z],
             x: vec![0.0; self.nx],
             ..Side::default()
@@ -146,10 +146,10 @@ impl Field {
 
     /// False where something is not finite: asked point by point the functions say more about it.
     fn linearise_at_once(&mut self, s: &StagesOf, side: &mut Side, to: &mut [Rows]) -> Result<bool, EvalError> {
-        self.weights_add = !self.pairs.is_empty();
-        let mut filled = self.filled.take().unwrap_or_default();
+        self.linear.weights_add = !self.pairs.is_empty();
+        let mut filled = self.linear.filled.take().unwrap_or_default();
         self.find_still();
-        if self.weights_add {
+        if self.linear.weights_add {
             if self.asks_for_weights() {
                 self.hidden(s.t, s.x0)?;
                 self.trace_weights(0);
@@ -167,22 +167,22 @@ impl Field {
             s.points(first, &mut rest[nu + np], x);
             let n = (s.n - first).min(LANES);
             known = self.fixed_side_by_side((first, n), side)?;
-            if known && self.weights_add {
+            if known && self.linear.weights_add {
                 known = self.weights_side_by_side((first, n), side, &filled);
             }
             if !known {
                 break;
             }
-            let (rows, values) = match self.weights_add {
+            let (rows, values) = match self.linear.weights_add {
                 true => (&filled.rows, &side.values),
-                false => (&self.fixed.rows, &side.fixed),
+                false => (&self.linear.fixed.rows, &side.fixed),
             };
             for (l, to) in to[first..first + n].iter_mut().enumerate() {
                 to.take_pattern(rows);
                 to.values.iter_mut().zip(values).for_each(|(to, v)| *to = v[l]);
             }
         }
-        self.filled = Some(filled);
+        self.linear.filled = Some(filled);
         if known {
             self.counts.jacobians += s.n;
             self.counts.entries += s.n * to[0].values.len();
@@ -194,7 +194,7 @@ impl Field {
     fn theta_side_by_side(&self, cell: usize, first: usize) -> Lanes {
         let mut base = [1.0; LANES];
         for i in self.pairs_of(self.owner[cell]) {
-            let alpha = lanes(&self.traces[i], first);
+            let alpha = lanes(&self.traces.weights[i], first);
             if self.pairs[i].cell == cell {
                 return *alpha;
             }
@@ -237,7 +237,7 @@ impl Field {
             }
             Ok(())
         };
-        for (d, own) in self.drifts.iter().zip(&self.fixed.drifts).filter(|(_, own)| !own.is_empty()) {
+        for (d, own) in self.drifts.iter().zip(&self.linear.fixed.drifts).filter(|(_, own)| !own.is_empty()) {
             if recovered(evaluate(d.f.as_ref(), 0..d.f.n_out(), side))? {
                 own.iter().for_each(|&(k, place)| add(&mut side.fixed[place], 1.0, &side.buffer[k]));
             } else {
@@ -248,7 +248,7 @@ impl Field {
             let nr = s.rows.len();
             for &cell in &self.active[k] {
                 let mode = s.cells[cell - s.first].mode;
-                let own = &self.fixed.modes[k][mode];
+                let own = &self.linear.fixed.modes[k][mode];
                 if own.is_empty() || self.still.unasked[k] {
                     continue;
                 }
@@ -288,8 +288,8 @@ impl Field {
             for (&i, row) in self.sliding.pairs_of(b).iter().zip(side.rates.chunks_exact_mut(n_in.max(1))) {
                 inputs.iter().for_each(|z| side.line[*z as usize] = [0.0; LANES]);
                 for (a, c) in self.sliding.row_of_states(self.pairs[i], i) {
-                    let own = self.fixed.rows.begin[a]..self.fixed.rows.begin[a + 1];
-                    let columns = &self.fixed.rows.columns[own.clone()];
+                    let own = self.linear.fixed.rows.begin[a]..self.linear.fixed.rows.begin[a + 1];
+                    let columns = &self.linear.fixed.rows.columns[own.clone()];
                     columns.iter().zip(&side.fixed[own]).for_each(|(z, v)| add(&mut side.line[*z as usize], -c, v));
                 }
                 row.iter_mut().zip(inputs).for_each(|(r, z)| *r = side.line[*z as usize]);
@@ -299,7 +299,7 @@ impl Field {
                 let i = self.sliding.pairs_of(b)[0];
                 let mut entry = [0.0; LANES];
                 for (c, d) in self.sliding.own_entry(self.pairs[i], i) {
-                    add(&mut entry, c, lanes(&self.column_traces[d], first));
+                    add(&mut entry, c, lanes(&self.traces.columns[d], first));
                 }
                 entry[n..].fill(1.0);
                 if entry.contains(&0.0) || !finite(std::iter::once(&entry)) {
@@ -308,7 +308,7 @@ impl Field {
                 rates.iter_mut().for_each(|r| (0..LANES).for_each(|l| r[l] /= entry[l]));
             } else {
                 for l in 0..n {
-                    self.sliding.recall(b, &self.column_traces, first + l);
+                    self.sliding.recall(b, &self.traces.columns, first + l);
                     if !self.sliding.factorise_block((b, large), &self.pairs, &self.first_pair) {
                         return false;
                     }
@@ -324,7 +324,7 @@ impl Field {
                 for (d, _) in self.sliding.places_of_column(i).zip(states).filter(|(_, a)| !self.still.states[*a]) {
                     let (own, rest) = places.split_at(n_in);
                     places = rest;
-                    let d = lanes(&self.column_traces[d], first);
+                    let d = lanes(&self.traces.columns[d], first);
                     own.iter().zip(row).for_each(|(p, r)| add_product(&mut side.values[*p as usize], d, r));
                 }
             }
@@ -337,21 +337,21 @@ impl Field {
     /// The last right-hand side was that of stage `i` of an explicit pair.
     #[inline]
     pub(in crate::event) fn trace_weights(&mut self, i: usize) {
-        for (trace, alpha) in self.traces.iter_mut().zip(&self.alpha).take(self.pairs.len()) {
+        for (trace, alpha) in self.traces.weights.iter_mut().zip(&self.alpha).take(self.pairs.len()) {
             trace[i] = *alpha;
         }
-        if self.keeps_columns {
+        if self.traces.keeps_columns {
             let columns = self.sliding.columns();
-            if self.column_traces.len() < columns.len() {
-                self.column_traces.resize(columns.len(), [0.0; 16]);
+            if self.traces.columns.len() < columns.len() {
+                self.traces.columns.resize(columns.len(), [0.0; 16]);
             }
-            self.column_traces.iter_mut().zip(columns).for_each(|(trace, d)| trace[i] = *d);
+            self.traces.columns.iter_mut().zip(columns).for_each(|(trace, d)| trace[i] = *d);
         }
     }
 
     /// The algebraic variables at the stages of the present step of an explicit pair.
     pub(in crate::event) fn traces(&self) -> &[Stages] {
-        &self.traces[..self.pairs.len()]
+        &self.traces.weights[..self.pairs.len()]
     }
 
     /// Numbers that are kept of every stage but the first.
@@ -365,15 +365,15 @@ impl Field {
     /// Appends them, for the stages up to `last`.
     pub(in crate::event) fn write_traces(&mut self, last: usize, to: &mut Vec<f64>) {
         let n = self.n_traced();
-        let traces = self.traces().iter().chain(&self.column_traces).take(n);
+        let traces = self.traces().iter().chain(&self.traces.columns).take(n);
         traces.for_each(|trace| to.extend_from_slice(&trace[1..=last]));
     }
 
     /// Takes them back.
     pub(in crate::event) fn read_traces(&mut self, last: usize, from: &[f64]) {
         let (n, r) = (self.n_traced(), self.pairs.len());
-        self.column_traces.resize(self.column_traces.len().max(n.saturating_sub(r)), [0.0; 16]);
-        let traces = self.traces[..r].iter_mut().chain(&mut self.column_traces).take(n);
+        self.traces.columns.resize(self.traces.columns.len().max(n.saturating_sub(r)), [0.0; 16]);
+        let traces = self.traces.weights[..r].iter_mut().chain(&mut self.traces.columns).take(n);
         traces.zip(from.chunks_exact(last)).for_each(|(trace, own)| trace[1..=last].copy_from_slice(own));
     }
 }

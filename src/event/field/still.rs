@@ -30,7 +30,7 @@ impl Field {
         to.states.clear();
         to.states.resize(self.nx, false);
         to.tied.clear();
-        let constant = self.dq_constant && self.limit.is_none() && !self.is_selected() && self.contacts.is_none();
+        let constant = self.valid.constant && self.limit.is_none() && !self.is_selected() && self.contacts.is_none();
         for i in 0..self.pairs.len() {
             let tied = self.only_state_of(i).filter(|_| constant);
             tied.iter().for_each(|a| to.states[*a] = true);

@@ -16,7 +16,7 @@ impl Field {
         // velocities, then weights: inputs that they depend on by themselves, and what else they depend on
         let mut own: Vec<Vec<usize>> = vec![Vec::new(); nx + n_sub];
         let mut others: Vec<Vec<usize>> = vec![Vec::new(); nx + n_sub];
-        own.iter_mut().enumerate().take(nx).for_each(|(i, own)| own.extend(self.fixed.inputs(i)));
+        own.iter_mut().enumerate().take(nx).for_each(|(i, own)| own.extend(self.linear.fixed.inputs(i)));
         for (k, s) in self.subs.iter().enumerate() {
             s.rows.iter().for_each(|&row| others[row].push(nx + k));
             let inputs: Vec<usize> = (s.q0..s.q0 + s.n_q).flat_map(|j| self.gradients.entries(j).1).copied().collect();

@@ -196,8 +196,9 @@ impl Field {
         }
         let nx = self.nx;
         let number = |i: usize| i as u32;
-        let reads =
-            || (0..nx).flat_map(|i| self.fixed.inputs(i).filter(move |c| *c < nx && *c != i).map(move |c| (i, c)));
+        let reads = || {
+            (0..nx).flat_map(|i| self.linear.fixed.inputs(i).filter(move |c| *c < nx && *c != i).map(move |c| (i, c)))
+        };
         let n_q = self.subs.last().map_or(0, |s| s.q0 + s.n_q) + self.guards.n_outputs();
         let watched =
             (0..n_q).flat_map(|q| self.gradients.entries(q).1.iter().filter(|c| **c < nx).map(move |c| (*c, q)));
@@ -313,12 +314,12 @@ impl Field {
 
     /// Are the gradients known that are constant, of single units?
     pub(in crate::event) fn knows_straight(&self) -> bool {
-        self.straight_known
+        self.valid.straight
     }
 
     /// They are, until parameters or controls change.
     pub(in crate::event) fn note_straight(&mut self, known: bool) {
-        self.straight_known = known;
+        self.valid.straight = known;
     }
 
     /// Writes the gradient of this function at a point of which those states are known.
