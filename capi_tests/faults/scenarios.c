@@ -424,6 +424,38 @@ static void adjoint_sensitivity(struct made *m)
         DO(swb_integrator_adjoint(m->integrator, v, 2, NULL, 0, NULL, 0, NULL, 0, NULL, 0, dx0, 2, NULL, 0, du, 1));
 }
 
+static void second_derivatives(struct made *m)
+{
+    static const double v[] = {1.0, 0.0}, direction[] = {0.3, 0.4}, by_control[] = {1.0};
+    double dx0[2], du[1], moved[2];
+    integrator(m, "adjoint", "auto");
+    if (m->status == SWB_OK)
+        DO(swb_integrator_adjoint_along(m->integrator, v, 2, direction, 2, NULL, 0, by_control, 1, dx0, 2, NULL, 0, du, 1, moved, 2));
+}
+
+/* x' = pulse; y is x at 0.25 and 0.55, and is doubled at 0.9. */
+static void clocks(struct made *m)
+{
+    static const double numbers[3] = {0.0, 0.5, 2.0}, once[1] = {0.9}, x0[6] = {0};
+    static const int64_t sampled = 1, pulse = 2, strikes = 3, times = 4, pulses = 5;
+    int64_t x[6], c[3], rhs[6], doubled;
+    DO(swb_expr_create(&m->graph));
+    DO(swb_expr_inputs(m->graph, SWB_INPUT_X, 0, x, 6));
+    DO(swb_expr_constants(m->graph, numbers, 3, c, 3));
+    DO(swb_expr_apply(m->graph, SWB_OPERATOR_MUL, &c[2], &x[1], NULL, &doubled, 1));
+    for (int i = 0; i < 6; i++)
+        rhs[i] = i ? c[0] : x[2];
+    DO(swb_model_create(m->graph, "clocked", 6, 0, 0, rhs, NULL, NULL, &m->model));
+    DO(swb_model_set_discrete(m->model, x0, 5));
+    DO(swb_model_add_clock(m->model, m->graph, 0.3, 0.25, strikes, &sampled, 1, &x[0], 1, NULL, 0, NULL, 0, NULL));
+    DO(swb_model_add_times(m->model, m->graph, once, 1, times, &sampled, 1, &doubled, 1, NULL, 0, NULL, 0, NULL));
+    DO(swb_model_add_pwm(m->model, m->graph, c[1], 0.4, 0.0, pulse, pulses, NULL));
+    DO(swb_model_system(m->model, &m->system));
+    DO(swb_integrator_create(m->system, NULL, &m->integrator));
+    DO(swb_integrator_reinit(m->integrator, 0.0, x0, 6));
+    DO(swb_integrator_advance(m->integrator, 1.0, NULL));
+}
+
 static void batch(struct made *m, int64_t threads)
 {
     static const double x0[] = {0.5, 0.2, 0.4, 0.1, 0.3, -0.2};
@@ -659,6 +691,7 @@ static void multiphase(struct made *m)
 #define ALL(X)                                                                                                    \
     X(functions) X(systems) X(settings) X(expressions) X(models) X(scenes) X(steps_of_scenes) X(model_document) X(simulation_document)         \
     X(ocp_document) X(dense_output) X(stiff_integration) X(forward_sensitivity) X(adjoint_sensitivity)            \
+    X(second_derivatives) X(clocks)                                                                               \
     X(batch_of_one_thread) X(batch_of_threads) X(simulation) X(time_stepping) X(programs) X(conflicts)            \
     X(optimal_control) X(accuracy_and_sensitivity) X(mode_search) X(standard_elements) X(stand_in) X(adaptation)  \
     X(starts) X(starts_of_threads) X(infeasible) X(constraints_of_all_kinds) X(warm_start) X(multiphase)

@@ -211,6 +211,13 @@ impl Built {
             Ok(Arc::new(ExprFunction::new(name, dag, self.dims, outputs)?))
         };
         let (watched, clauses, direction) = watched(dag, &t)?;
+        if let Some(&id) = watched.iter().find(|id| !dag.switches_of(&[**id]).is_empty()) {
+            return Err(Error::Unsupported(format!(
+                "transition {k}: the guard {} switches itself, by sign, abs, min, max, clip or where: join comparisons with & and |, or let a \
+                 clock hold the value that switches as a discrete state",
+                dag.text_with(id, &|block, i| self.names.of(block, i))
+            )));
+        }
         let guard = function(dag, &format!("guard{k}"), &watched)?;
         let (mut reset, mut switches) = (None, false);
         if !t.reset.is_empty() {

@@ -128,3 +128,15 @@ def test_many_units_are_those_of_single_ones():
     light = swb.simulate(m, start, 3.0, dense=False)
     assert np.array_equal(light.x_end, many.x_end)
     assert np.isnan(light.jumps[0].before).any() and np.isfinite(many.jumps[0].before).all()
+
+
+def test_a_duty_that_switches_is_to_be_held():
+    m = swb.Model(states="q")
+    m.derivatives = [m.pwm(swb.clip(1 - m.q, 0, 1), 0.1)]
+    with pytest.raises(swb.UnsupportedError, match="clock hold the value"):
+        m.system()
+    h = swb.Model(states="q")
+    h.derivatives = [h.pwm(h.hold(swb.clip(1 - h.q, 0, 1), 0.1), 0.1)]
+    run = swb.simulate(h, {"q": 0.0}, 1.0)
+    # what is left falls by a tenth in every period
+    assert abs(run.x_end[0] - (1 - 0.9**10)) < 1e-9
