@@ -40,68 +40,73 @@ def simulate(
     state = jnp.asarray(x0)
     kind = state.dtype if jnp.issubdtype(state.dtype, jnp.floating) else jnp.result_type(float)
     inputs = tuple(jnp.asarray(v if v is not None else numpy.zeros(0), dtype=kind) for v in (state, p, u))
-    result = jax.ShapeDtypeStruct(flow.shape, kind)
-    places = tuple(jax.ShapeDtypeStruct(v.shape, kind) for v in inputs)
+    shapes = [v.shape for v in inputs]
+    ends = numpy.cumsum([0, *(v.size for v in inputs)])
+    n, m = int(ends[-1]), math.prod(flow.shape)
 
-    def rows(dims: int, *given: Any) -> tuple[tuple[int, ...], list[Any]]:
-        """Under vmap there are dimensions before the own ones, which the first array has `dims` of; of length one where an array has none. All of them, and
-        the arrays with one in their place."""
-        own = [dims] + [1] * (len(given) - 1)
-        many = numpy.broadcast_shapes(*(numpy.shape(v)[: numpy.ndim(v) - k] for v, k in zip(given, own)))
-        shapes = [numpy.shape(v)[numpy.ndim(v) - k :] for v, k in zip(given, own)]
-        return many, [numpy.broadcast_to(v, (*many, *s)).reshape((math.prod(many), *s)) for v, s in zip(given, shapes)]
+    # every array that goes to a callback or comes from one costs as much as a short run: all numbers are in one. Under vmap it has dimensions before its own
+    def called(work: Any, length: int, *parts: Any) -> Any:
+        def call(given: Any) -> Any:
+            rows = numpy.asarray(given)
+            out = work(rows) if rows.ndim == 1 else work(rows.reshape((-1, rows.shape[-1]))).reshape((*rows.shape[:-1], length))
+            return numpy.asarray(out, dtype=kind)
 
-    def run(*given: Any) -> Any:
-        many, flat = rows(1, *given)
-        values = flow.several(*flat) if many else flow(*given)
-        return numpy.asarray(values, dtype=kind).reshape((*many, *flow.shape))
+        packed = parts[0] if len(parts) == 1 else jnp.concatenate(parts)
+        return jax.pure_callback(call, jax.ShapeDtypeStruct((length,), kind), packed, vmap_method="expand_dims")
 
-    def back(weights: Any, *given: Any) -> Any:
-        many, flat = rows(len(flow.shape), weights, *given)
-        parts = flow.gradients(*flat) if many else flow.gradient(weights, *given)
-        return tuple(numpy.asarray(g, dtype=kind).reshape((*many, *place.shape)) for g, place in zip(parts, places))
+    def split(z: Any) -> list[Any]:
+        return [z[..., a:b] for a, b in zip(ends, ends[1:])]
 
-    def bend(weights: Any, *both: Any) -> Any:
-        # the own dimension of every one is the last: only single times have second derivatives
-        many, flat = rows(1, weights, *both)
-        each = [flow.curvature(w, row[3:], *row[:3]) for w, *row in zip(*flat)]
-        parts = [numpy.array([e[0][k] for e in each]) for k in range(3)] + [numpy.array([e[1] for e in each])]
-        shapes = [place.shape for place in places] + [flow.shape]
-        return tuple(numpy.asarray(part, dtype=kind).reshape((*many, *shape)) for part, shape in zip(parts, shapes))
+    def run(z: Any) -> Any:
+        return flow(*split(z)).ravel() if z.ndim == 1 else flow.several(*split(z))
 
-    def curvature(weights: Any, given: Any, direction: Any) -> Any:
-        full = [jnp.zeros_like(g) if isinstance(d, SymbolicZero) else d for g, d in zip(given, direction)]
-        return jax.pure_callback(bend, (*places, result), weights, *given, *full, vmap_method="expand_dims")
+    def back(both: Any) -> Any:
+        w, z = both[..., :m], both[..., m:]
+        found = flow.gradient(w, *split(z)) if z.ndim == 1 else flow.gradients(w, *split(z))
+        return numpy.concatenate(found, axis=-1)
+
+    def bend(all: Any) -> Any:
+        # only single times have second derivatives
+        def one(row: Any) -> Any:
+            w, z, along = row[:m], row[m : m + n], row[m + n :]
+            gradient, moved = flow.curvature(w, split(along), *split(z))
+            return numpy.concatenate([*gradient, moved])
+
+        return one(all) if all.ndim == 1 else numpy.array([one(row) for row in all]).reshape((len(all), n + m))
+
+    def curvature(weights: Any, given: Any, direction: Any) -> tuple[Any, Any]:
+        along = jnp.zeros_like(given) if isinstance(direction, SymbolicZero) else direction
+        both = called(bend, n + m, weights, given, along)
+        return both[:n], both[n:]
 
     @jax.custom_jvp
-    def value(*given: Any) -> Any:
-        return jax.pure_callback(run, result, *given, vmap_method="expand_dims")
+    def value(z: Any) -> Any:
+        return called(run, m, z)
 
     @jax.custom_jvp
-    def gradient(weights: Any, *given: Any) -> Any:
-        return jax.pure_callback(back, places, weights, *given, vmap_method="expand_dims")
+    def gradient(weights: Any, z: Any) -> Any:
+        return called(back, n, weights, z)
 
     def value_along(given: Any, direction: Any) -> Any:
-        return value(*given), curvature(jnp.zeros(flow.shape, kind), given, direction)[3]
+        return value(*given), curvature(jnp.zeros(m, kind), *given, *direction)[1]
 
     def gradient_along(given: Any, direction: Any) -> Any:
-        (weights, *inputs), (change, *along) = given, direction
-        bent = curvature(weights, inputs, along)[:3]
-        own = bent if isinstance(change, SymbolicZero) else tuple(a + b for a, b in zip(bent, gradient(change, *inputs)))
-        return gradient(weights, *inputs), own
+        (weights, z), (change, along) = given, direction
+        bent = curvature(weights, z, along)[0]
+        return gradient(weights, z), bent if isinstance(change, SymbolicZero) else bent + gradient(change, z)
 
     value.defjvp(value_along, symbolic_zeros=True)
     gradient.defjvp(gradient_along, symbolic_zeros=True)
 
     @jax.custom_vjp
-    def end(*given: Any) -> Any:
-        return value(*given)
+    def end(z: Any) -> Any:
+        return value(z)
 
-    def forward(*given: Any) -> Any:
-        return value(*given), given
+    def forward(z: Any) -> Any:
+        return value(z), z
 
-    def backward(given: Any, weights: Any) -> Any:
-        return gradient(weights, *given)
+    def backward(z: Any, weights: Any) -> Any:
+        return (gradient(weights, z),)
 
     end.defvjp(forward, backward)
-    return end(*inputs)
+    return end(jnp.concatenate([v.ravel() for v in inputs])).reshape(flow.shape)
