@@ -426,3 +426,50 @@ fn rows_twice_about_a_kink_are_no_circle() {
         }
     }
 }
+
+/// A cart that is too fast for its wall, from sample to sample: the guess that is moved by a stage knows which rows are violated, so that the next sample has
+/// few changes, and its solution is that of a solver that knows nothing.
+#[test]
+fn violated_rows_move_with_the_guess() {
+    const N: usize = 30;
+    const H: f64 = 0.1;
+    let rows = (1..=N).map(|node| Row { node, price: None }).collect();
+    let mut qp = StageQp::new(N, 2, 1, rows).unwrap();
+    for k in 0..N {
+        qp.a[4 * k..4 * (k + 1)].copy_from_slice(&[1.0, 0.0, H, 1.0]);
+        qp.b[2 * k..2 * (k + 1)].copy_from_slice(&[0.5 * H * H, H]);
+        qp.hess_u[k] = 0.1 * H;
+    }
+    for k in 0..=N {
+        qp.hess_x[4 * k..4 * (k + 1)].copy_from_slice(&[H, 0.0, 0.0, 0.1 * H]);
+    }
+    qp.row_x.chunks_exact_mut(2).for_each(|r| r[0] = 1.0);
+    qp.row_lower.fill(-1.0);
+    qp.row_upper.fill(1.0);
+    qp.u_lower.fill(-1.0);
+    qp.u_upper.fill(1.0);
+    let priced = Terms { elastic: Some(1e4), ..Terms::default() };
+    let mut solver = Condensing::new(&qp).unwrap();
+    assert!(solver.prepare(&qp));
+    let (mut x, mut first) = (vec![0.8, 1.5], 0);
+    for sample in 0..6 {
+        assert_eq!(solver.solve(&qp, &x, &priced), QpStatus::Solved);
+        assert!(solver.violates(&qp));
+        if sample == 0 {
+            first = solver.iterations();
+        } else {
+            assert!(8 * solver.iterations() < first, "{sample}: {} of {first}", solver.iterations());
+        }
+        let mut anew = Condensing::new(&qp).unwrap();
+        assert!(anew.prepare(&qp));
+        assert_eq!(anew.solve(&qp, &x, &priced), QpStatus::Solved);
+        let off = solver.controls().iter().zip(anew.controls()).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        assert!(off < 1e-9, "{sample}: {off:e}");
+        let u = [solver.controls()[0]];
+        let mut next = [0.0; 2];
+        qp.step(0, &x, &u, &mut next);
+        x.copy_from_slice(&next);
+        solver.shift(&qp);
+        assert!(solver.prepare(&qp));
+    }
+}

@@ -128,7 +128,7 @@ pub(super) struct DualActiveSet {
     values: Vec<f64>,
     offset: Vec<f64>,
     /// Constraints and sides of the next guess.
-    guess: Vec<(usize, f64)>,
+    guess: Vec<(usize, f64, bool)>,
     /// Rows whose value follows from the active ones, which meet them: what they seem violated by is rounding.
     implied: Vec<bool>,
     /// Rows that the present controls violate by the rounding of terms that cancel.
@@ -243,14 +243,14 @@ impl DualActiveSet {
             }
             let to = if i < self.n { i.checked_sub(nu) } else { row(i - self.n).map(|j| self.n + j) };
             if let Some(to) = to {
-                self.guess.push((to, self.side[i]));
+                self.guess.push((to, self.side[i], self.state[i] == State::Capped));
             }
         }
         self.reset();
         self.stale = true;
         for k in 0..self.guess.len() {
-            let (i, side) = self.guess[k];
-            self.state[i] = State::In;
+            let (i, side, capped) = self.guess[k];
+            self.state[i] = if capped && i >= self.n { State::Capped } else { State::In };
             self.side[i] = side;
         }
     }

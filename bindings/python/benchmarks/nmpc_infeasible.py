@@ -71,7 +71,7 @@ def controller(p, method):
     ocp.add_least_squares(m.function(x + u), np.concatenate([p.q, p.r]) / 2, np.zeros(p.nx + p.nu))
     ocp.add_least_squares(m.function(x), p.qn / 2, np.zeros(p.nx), at="terminal")
     ocp.set_state_bounds(p.lower, p.upper)
-    return swb.Nmpc(ocp, "rti", qp_solver=method)
+    return swb.Nmpc(ocp, "rti", shift=True, qp_solver=method)
 
 
 class Least:
@@ -133,15 +133,20 @@ def run(name, method, states, least):
     with controller(p, method) as c:
         zero = (np.zeros((p.n + 1, p.nx)), np.zeros((p.n, p.nu)))
         for x, v, bad in states:
-            best = INF
+            best, then = INF, INF
             for _ in range(REPEAT):
                 c.set_iterate(*zero)
                 c.prepare()
                 _, info = c.feedback(x)
                 best = min(best, 1e6 * info.time)
-            c.finish()
+                plan = c.plan
+                # the sample after it, at the state that was predicted
+                c.prepare()
+                _, after = c.feedback(plan.x[1])
+                then = min(then, 1e6 * after.time)
             said = info.source is swb.NmpcSource.SOFT_QP
-            rows.append((bad, best, info.iterations, said, int(info.source) > 1, least.violation(x, c.plan.u) - v, v))
+            again = after.source is swb.NmpcSource.SOFT_QP
+            rows.append((bad, best, info.iterations, said, int(info.source) > 1, least.violation(x, plan.u) - v, v, then if again else np.nan, after.iterations))
     return rows
 
 
@@ -152,12 +157,15 @@ def line(name, method, rows):
     wrong = int((t[:, 3] != t[:, 0]).sum())
     share, allowed = bad[:, 5].sum() / bad[:, 6].sum(), (bad[:, 5] / bad[:, 6]).max()
     times = f"{mean:7.1f} {good[:, 1].max():7.1f} {good[:, 2].mean():6.1f}  {bad[:, 1].mean():7.1f} {bad[:, 1].max():7.1f} {bad[:, 2].mean():6.1f} {bad[:, 2].max():5.0f}"
-    return f"{name:10} {method:10}  {times}  {bad[:, 1].mean() / mean:5.1f} {bad[:, 1].max() / mean:5.1f}  {wrong:4} {int(t[:, 4].sum()):5}  {share:7.1e} {allowed:7.1e}"
+    after = bad[np.isfinite(bad[:, 7])]
+    again = f"{after[:, 7].mean():7.1f} {np.quantile(after[:, 7], 0.99):7.1f} {after[:, 8].mean():6.1f} {after[:, 7].mean() / mean:5.1f}"
+    ratios = f"{bad[:, 1].mean() / mean:5.1f} {bad[:, 1].max() / mean:5.1f}"
+    return f"{name:10} {method:10}  {times}  {ratios}  {wrong:4} {int(t[:, 4].sum()):5}  {share:8.1e} {allowed:7.1e}  {again}"
 
 
 HEAD = [
-    "                        feasible               infeasible                    over mean    source  not   violation",
-    "                           mean   worst  steps     mean   worst  steps  most   mean worst  wrong solved  sum    worst",
+    "                       feasible                infeasible                   over mean   source  not  violation         the sample after it",
+    "                          mean   worst  steps     mean   worst  steps  most   mean worst  wrong solved   sum   worst     mean     99%  steps ratio",
 ]
 
 PAGE = """# Feedback where bounds cannot be met
@@ -179,8 +187,10 @@ Plans violate more than the least in states that are hardly infeasible. There th
 trades a millionth of a bound for the cost of the others.
 
 Most feasible states have few active constraints. In infeasible ones most bounds of controls are active, and most rows of the first stages are violated. A dual method has to find them
-one by one, and an interior point needs as many iterations as it does without a guess. In a closed loop the guess of the last sample has them already
-([long horizons](nmpc_horizon.md)).
+one by one, and an interior point needs as many iterations as it does without a guess.
+
+"The sample after it" begins at the state that was predicted, where that is infeasible, too: with the active set of the first, moved by one stage (`shift`). `condensing` then has
+few changes to make. The interior point of `stagewise` begins anew.
 """
 
 
