@@ -458,8 +458,8 @@ static void solve_ocp(struct random *r, const struct friction *f, swb_settings s
     swb_ocp *other = friction_ocp(f, &s, 2);
     if (!keep(T_swb_ocp, other))
         return;
-    if (DO(swb_ocp_random_starts, other, 5, u, 4))
-        DO(swb_ocp_solve_starts, other, u, 4, 1 + random_below(r, 3), &best);
+    if (DO(swb_ocp_random_starts, other, 5, u, 4) && DO(swb_ocp_solve_starts, other, u, 4, 1 + random_below(r, 3), &best))
+        DO(swb_ocp_get_start, other, best, NULL, NULL, &cost, NULL, 0);
     keep_document(write_ocp, ocp);
     swb_ocp *phases[2] = {other, other};
     swb_multiphase *multiphase = NULL;
@@ -471,6 +471,7 @@ static void solve_ocp(struct random *r, const struct friction *f, swb_settings s
     static const double low[] = {-9.0}, high[] = {9.0};
     DO(swb_multiphase_link, multiphase, 0, function_of(r, 2 * FRICTION_NX, 0, 0, 1), low, 1, high, 1);
     DO(swb_multiphase_solve, multiphase, &outcome);
+    DO(swb_multiphase_link_reset, multiphase, 0, function_of(r, FRICTION_NX, 0, 0, FRICTION_NX));
 }
 
 /* Every kind of cost and constraint. */

@@ -189,8 +189,9 @@ trades a millionth of a bound for the cost of the others.
 Most feasible states have few active constraints. In infeasible ones most bounds of controls are active, and most rows of the first stages are violated. A dual method has to find them
 one by one, and an interior point needs as many iterations as it does without a guess.
 
-"The sample after it" begins at the state that was predicted, where that is infeasible, too: with the active set of the first, moved by one stage (`shift`). `condensing` then has
-few changes to make. The interior point of `stagewise` begins anew.
+"The sample after it" begins at the state that was predicted, where that is infeasible, too: with the active set of the first, moved by one stage (`shift`). For the two linear
+models `condensing` then has few changes to make. The other two are linearised anew at the plan, and more of the set is another one. The interior point of `stagewise` begins
+without the set.
 """
 
 
