@@ -400,7 +400,7 @@ fn transitions_that_make_no_sense_are_refused_in_words() {
             "second transition",
         ),
         (jump(r#"["x",0]"#, "0", ",\"rule\":{\"effect\":\"end\"}"), "unknown variant `end`"),
-        (jump(r#"["x",0],["positive",0],["const",1],["neg",2],["where",1,2,3]"#, "4", to), "guard0: sign"),
+        (jump(r#"["x",0],["positive",0],["const",1],["neg",2],["where",1,2,3]"#, "4", to), "switches itself, by sign"),
         (jump(r#"["x",0]"#, "0", &format!("{to},\"more\":1")), "unknown field `more`"),
     ] {
         let said = refusal(&text);
