@@ -405,6 +405,13 @@ fn what_would_be_held_by_friction_touches_rest() {
     o.set_mayer(function(&g, d, &[20.0 * (q - 0.7) * (q - 0.7) + v * v])).unwrap();
     let (r, o) = solve(&mut o);
     assert!(r.cost < 0.004407, "{}", r.cost);
+    // two solutions cost the same to 1e-4, and rounding decides which is found: one touches rest, a simulation of the other one switches twice more
+    // there, and its verdict is that it is not optimal
+    if o.verdict == Verdict::NotOptimal {
+        let simulated = r.accuracy.as_ref().unwrap().cost;
+        assert!(simulated - r.cost > 1e-7, "{simulated} {}: nothing contradicts it", r.cost);
+        return;
+    }
     let [k] = o.kinks[..] else { panic!("{o:?}") };
     assert!(o.verdict == Verdict::Kink && o.reason.is_empty() && o.residual < 1e-4, "{o:?}");
     assert!(k.touch && k.t < 1.9 && k.before > 0.0 && k.after > 0.0, "{k:?}");
