@@ -412,6 +412,11 @@ fn what_would_be_held_by_friction_touches_rest() {
         assert!(simulated - r.cost > 1e-7, "{simulated} {}: nothing contradicts it", r.cost);
         return;
     }
+    // next to rest derivatives of simulations have half of their digits: what they leave, of 1e-4, may or may not be optimal to rounding
+    if o.verdict == Verdict::Unknown {
+        assert!(o.reason.ends_with("a descent on simulations gains nothing") && o.residual < 1e-3, "{o:?}");
+        return;
+    }
     let [k] = o.kinks[..] else { panic!("{o:?}") };
     assert!(o.verdict == Verdict::Kink && o.reason.is_empty() && o.residual < 1e-4, "{o:?}");
     assert!(k.touch && k.t < 1.9 && k.before > 0.0 && k.after > 0.0, "{k:?}");
