@@ -388,7 +388,8 @@ fn limits_of_time_and_control_are_reached_at_ends_of_stages() {
 }
 
 /// A press that comes to rest for a moment on its way, where friction would hold it had it been slower: less speed is lost on the one side than
-/// on the other, and the derivatives of neither side vanish.
+/// on the other, and the derivatives of neither side vanish. Programs next to rest are nearly degenerate, and starts that differ by rounding
+/// end at solutions whose costs differ by 1e-5, with and without a verdict: what is said to be a kink is one, and some are found.
 #[test]
 fn what_would_be_held_by_friction_touches_rest() {
     let g = Graph::new();
@@ -397,29 +398,26 @@ fn what_would_be_held_by_friction_touches_rest() {
     let flow = p.gt(0.3).select(0.8, 2.0) * u;
     let rhs = [v, 5.0 * p - 0.8 * v - workpiece - 0.2 * v.sign(), 3.0 * (flow - v) - 0.2 * p];
     let system = Model::from_rhs("press", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
-    let mut o = Ocp::new(&system, 2.0, 10, &Settings { n_fe: 3, ..Settings::default() }).unwrap();
     let d = Dims { x: 3, u: 1, p: 0 };
-    o.set_x0(&[0.0, 0.01, 0.0]).unwrap();
-    o.set_u_bounds(&[-1.0], &[1.0]).unwrap();
-    o.set_lagrange(function(&g, d, &[0.05 * u * u])).unwrap();
-    o.set_mayer(function(&g, d, &[20.0 * (q - 0.7) * (q - 0.7) + v * v])).unwrap();
-    let (r, o) = solve(&mut o);
-    assert!(r.cost < 0.004407, "{}", r.cost);
-    // two solutions cost the same to 1e-4, and rounding decides which is found: one touches rest, a simulation of the other one switches twice more
-    // there, and its verdict is that it is not optimal
-    if o.verdict == Verdict::NotOptimal {
-        let simulated = r.accuracy.as_ref().unwrap().cost;
-        assert!(simulated - r.cost > 1e-7, "{simulated} {}: nothing contradicts it", r.cost);
-        return;
+    let mut kinks = 0;
+    for k in 0..6 {
+        let mut o = Ocp::new(&system, 2.0, 10, &Settings { n_fe: 3, ..Settings::default() }).unwrap();
+        o.set_x0(&[0.0, 0.01 * (1.0 + 1e-9 * k as f64), 0.0]).unwrap();
+        o.set_u_bounds(&[-1.0], &[1.0]).unwrap();
+        o.set_lagrange(function(&g, d, &[0.05 * u * u])).unwrap();
+        o.set_mayer(function(&g, d, &[20.0 * (q - 0.7) * (q - 0.7) + v * v])).unwrap();
+        let (r, o) = solve(&mut o);
+        assert!(r.cost < 0.004407, "{k}: {}", r.cost);
+        if o.verdict != Verdict::Kink {
+            assert!(o.verdict == Verdict::Unknown && !o.reason.is_empty(), "{k}: {o:?}");
+            continue;
+        }
+        kinks += 1;
+        let [k] = o.kinks[..] else { panic!("{o:?}") };
+        assert!(o.reason.is_empty() && o.residual < 1e-4, "{o:?}");
+        assert!(k.touch && k.t < 1.9 && k.before > 0.0 && k.after > 0.0, "{k:?}");
     }
-    // next to rest derivatives of simulations have half of their digits: what they leave, of 1e-4, may or may not be optimal to rounding
-    if o.verdict == Verdict::Unknown {
-        assert!(o.reason.ends_with("a descent on simulations gains nothing") && o.residual < 1e-3, "{o:?}");
-        return;
-    }
-    let [k] = o.kinks[..] else { panic!("{o:?}") };
-    assert!(o.verdict == Verdict::Kink && o.reason.is_empty() && o.residual < 1e-4, "{o:?}");
-    assert!(k.touch && k.t < 1.9 && k.before > 0.0 && k.after > 0.0, "{k:?}");
+    assert!(kinks > 0);
 }
 
 /// A cart is fastest where the road turns upwards: the bound on its speed acts at a switch, whose time the controls change.
