@@ -1,8 +1,10 @@
 //! Moving horizon estimation against references that it did not compute: the Kalman filter, and sums of squares over all samples.
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::Arc;
+use switchback::error::Error;
 use switchback::expr::Graph;
-use switchback::func::Dims;
+use switchback::func::{Callback, Dims, Point};
 use switchback::nmpc::{Mhe, MheOptions, Noise, Source};
 use switchback::ocp::Ocp;
 use switchback::qp::QpStatus;
@@ -161,6 +163,39 @@ fn bounds_hold() {
         mhe.prepare(&[0.0]).unwrap();
     }
     assert!((x[2] - 0.1).abs() < 1e-9);
+}
+
+/// A preparation that a function ends with a negative code changes nothing: called again it leads to the same estimates, with a full window, too.
+#[test]
+fn what_ends_a_preparation_ends_it_before_the_window_moves() {
+    let broken = Arc::new(AtomicBool::new(false));
+    let run = |breaks: bool| {
+        let state = broken.clone();
+        let f = Callback::new("f", dims(), 3, move |at: &Point, out: &mut [f64]| {
+            out.copy_from_slice(&[at.x[1], at.u[0] - at.x[0] - 0.2 * at.x[1] + at.x[2], 0.0]);
+            -i32::from(state.load(Relaxed))
+        });
+        let mut system = System::new(3, 1, 0).unwrap();
+        system.set_f0(Arc::new(f)).unwrap();
+        let mut ocp = Ocp::new(&system, 4.0 * H, 4, &Settings::default()).unwrap();
+        ocp.set_x0(&[0.3, 0.0, 0.1]).unwrap();
+        let (_, y) = problem(4, &[0.0; 3]);
+        let mut mhe = Mhe::new(&ocp, &y, &noise(), &explicit()).unwrap();
+        let (mut found, mut x) = (Vec::new(), [0.0; 3]);
+        for k in 0..8 {
+            let (a, b) = (0.3 + 0.01 * k as f64, 0.2 - 0.02 * k as f64);
+            mhe.estimate(&[a, b], &mut x).unwrap();
+            found.extend(x.map(f64::to_bits));
+            broken.store(breaks && k % 3 == 0, Relaxed);
+            if breaks && k % 3 == 0 {
+                assert!(matches!(mhe.prepare(&[0.1]), Err(Error::User { code: -1, .. })));
+                broken.store(false, Relaxed);
+            }
+            assert!(mhe.prepare(&[0.1]).unwrap());
+        }
+        found
+    };
+    assert_eq!(run(true), run(false));
 }
 
 /// A start again is the start: the same numbers to the last bit.

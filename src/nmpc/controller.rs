@@ -3,6 +3,7 @@
 mod changes;
 
 use super::branch::{Branches, Effort};
+use super::evaluate::has_value;
 use super::iterate::{Iterate, Step};
 use super::linearise::{Linearisation, Model};
 use super::monitor::{Contraction, Monitor};
@@ -20,7 +21,7 @@ use std::time::{Duration, Instant};
 /// Price of violations where rows cannot all be met, in units of what it costs to meet them one by one. With `Δ` the cost that the least
 /// violations have, the sum of violations exceeds the least by at most `Δ` over the price: where rows are met like single ones, by a
 /// thousandth of what the solution without constraints violates.
-const ELASTIC: f64 = 1e3;
+pub(super) const ELASTIC: f64 = 1e3;
 /// A price stays as it is while the one that is asked for differs by no more than this factor.
 const APART: f64 = 10.0;
 /// Share of the predicted descent that a step of [`Nmpc::initialise`] must make (Armijo).
@@ -591,17 +592,10 @@ impl Nmpc {
 
     /// Counts what went wrong, and ends the call where that was asked for.
     fn note(&mut self, outcome: std::result::Result<(), EvalError>) -> Result<()> {
-        match outcome {
-            Ok(()) if self.lin.is_ready() => Ok(()),
-            Ok(()) | Err(EvalError::Recoverable) => {
-                self.monitor.failed_linearisations += 1;
-                Ok(())
-            }
-            Err(EvalError::Fatal(code)) => {
-                Err(Error::User { code, what: "a function of the model returned a negative code".into() })
-            }
-            Err(EvalError::Stopped) => Err(stop::error()),
+        if !(has_value(outcome)? && self.lin.is_ready()) {
+            self.monitor.failed_linearisations += 1;
         }
+        Ok(())
     }
 
     /// Iterations on the problem with the predicted state: line 3 of Algorithm 2.

@@ -11,21 +11,18 @@
 //! state and parameter estimation*, 2011): for linear systems without bounds the last state is that of the Kalman filter.
 
 use super::arrival::Arrival;
-use super::evaluate::Many;
+use super::controller::ELASTIC;
+use super::evaluate::{has_value, Many};
 use super::options::{Options as Controls, Source};
 use super::problem;
 use super::stage::{Stage, Starts};
 use crate::error::{finite, Error, Result};
-use crate::func::{EvalError, EvalResult};
+use crate::func::EvalResult;
 use crate::ocp::Ocp;
 use crate::qp::{Initial, QpSolution, QpSolver, QpStatus, Row, StageQp, Stagewise, Terms};
-use crate::stop;
 use crate::system::SharedFunction;
 use crate::tableau::Family;
 use std::time::{Duration, Instant};
-
-/// Price of violations of bounds that cannot all be met, in units of what it costs to meet them one by one.
-const ELASTIC: f64 = 1e3;
 
 /// Options of an estimator.
 #[derive(Debug, Clone, PartialEq)]
@@ -124,6 +121,7 @@ pub struct Mhe {
     /// There is a program for the next measurement; it counts on all outputs.
     ready: bool,
     estimated: bool,
+    predicted: Vec<f64>,
     next: Vec<f64>,
     a: Vec<f64>,
     b: Vec<f64>,
@@ -247,6 +245,7 @@ impl Mhe {
             params: s.params.to_vec(),
             start: low.clone(),
             lengths: vec![h; n],
+            predicted: vec![0.0; nx],
             next: vec![0.0; n * nx],
             a: vec![0.0; n * nx * nx],
             b: vec![0.0; n * nx * nu],
@@ -357,13 +356,11 @@ impl Mhe {
     pub fn prepare(&mut self, u: &[f64]) -> Result<bool> {
         finite("control", u, self.nu)?;
         let (n, nx, nu, np, ny) = (self.n, self.nx, self.nu, self.np, self.ny);
-        if self.filled == n {
-            let outcome = self.leave();
-            if outcome.is_err() {
-                // functions have no value there: the estimate of the second node is the mean, with what was known of the first
-                self.arrival.follow(&self.window.x[nx..2 * nx], &self.noisy, &self.process);
-            }
-            note(outcome)?;
+        // what ends the call ends it before the window moves
+        self.predict(u)?;
+        if self.filled == n && !has_value(self.leave())? {
+            // the estimate of the second node is the mean, with what was known of the first
+            self.arrival.follow(&self.window.x[nx..2 * nx], &self.noisy, &self.process);
         }
         let nw = self.qp.nu;
         self.window.x.copy_within(nx.., 0);
@@ -379,23 +376,23 @@ impl Mhe {
         self.samples += 1;
         self.window.t[n] = self.t0 + self.samples as f64 * self.h;
         self.filled = (self.filled + 1).min(n);
-        let (before, last) = self.window.x.split_at_mut(n * nx);
-        let at = Starts {
-            x: &before[(n - 1) * nx..],
-            u,
-            p: &self.window.p[(n - 1) * np..n * np],
-            t: &self.window.t[n - 1..n],
-            h: std::slice::from_ref(&self.h),
-        };
-        let outcome = self.one.values(&at, last);
-        if outcome.is_err() || !last.iter().all(|v| v.is_finite()) {
-            last.copy_from_slice(&before[(n - 1) * nx..]);
-        }
-        note(outcome)?;
+        self.window.x[n * nx..].copy_from_slice(&self.predicted);
         self.estimated = false;
         self.solver.shift(&self.qp);
         self.linearise()?;
         Ok(self.ready)
+    }
+
+    /// The state at the next sample under a control; the last one where functions have no value.
+    fn predict(&mut self, u: &[f64]) -> Result<()> {
+        let (n, nx, np) = (self.n, self.nx, self.np);
+        let x = &self.window.x[n * nx..];
+        let (p, t) = (&self.window.p[n * np..], &self.window.t[n..]);
+        let outcome = self.one.values(&Starts { x, u, p, t, h: std::slice::from_ref(&self.h) }, &mut self.predicted);
+        if !has_value(outcome)? || !self.predicted.iter().all(|v| v.is_finite()) {
+            self.predicted.copy_from_slice(x);
+        }
+        Ok(())
     }
 
     /// The first node leaves the window: what it knows of the second one is kept.
@@ -405,12 +402,7 @@ impl Mhe {
         self.first_measured.set(0, self.window.t[0], x, &self.window.u[..nu], &self.window.p[..np]);
         self.first_measured.values()?;
         self.first_measured.jacobians()?;
-        self.jac.fill(0.0);
-        for (v, &(i, c)) in self.first_measured.jac.iter().zip(&self.first_measured.jac_entries) {
-            if c < nx {
-                self.jac[i * nx + c] = *v;
-            }
-        }
+        self.first_measured.jacobian_by_states(0, nx, &mut self.jac);
         for i in 0..ny {
             let row = self.jac[i * nx..(i + 1) * nx].iter().zip(self.arrival.mean.iter().zip(x));
             let shift: f64 = row.map(|(h, (m, x))| h * (m - x)).sum();
@@ -433,10 +425,7 @@ impl Mhe {
     /// The program at the window.
     fn linearise(&mut self) -> Result<()> {
         self.ready = false;
-        let outcome = self.evaluate();
-        let good = outcome.is_ok();
-        note(outcome)?;
-        if good {
+        if has_value(self.evaluate())? {
             self.write();
             self.ready = self.solver.prepare(&self.qp);
         }
@@ -523,19 +512,10 @@ impl Mhe {
         k >= self.n - self.filled && ((k == self.n && !self.estimated) || self.window.y[k * self.ny + i].is_finite())
     }
 
-    /// The Jacobian of the measurements of node `k`, row-major, to `jac`.
-    fn take_jacobian(&mut self, k: usize) {
-        let (nx, points) = (self.nx, self.n + 1);
-        self.jac.fill(0.0);
-        for (e, &(i, c)) in self.measured.jac_entries.iter().enumerate().filter(|e| e.1 .1 < nx) {
-            self.jac[i * nx + c] = self.measured.jac[e * points + k];
-        }
-    }
-
     /// What the measurements of node `k` cost.
     fn write_node(&mut self, k: usize) {
         let (nx, ny, points) = (self.nx, self.ny, self.n + 1);
-        self.take_jacobian(k);
+        self.measured.jacobian_by_states(k, nx, &mut self.jac);
         self.qp.hess_x[k * nx * nx..(k + 1) * nx * nx].fill(0.0);
         self.qp.grad_x[k * nx..(k + 1) * nx].fill(0.0);
         for i in 0..ny {
@@ -576,7 +556,7 @@ impl Mhe {
             return Err(Error::State("this sample has an estimate: call prepare for the next one".into()));
         }
         let limit = Duration::try_from_secs_f64(self.options.deadline).ok();
-        let deadline = limit.and_then(|d| start.checked_add(d));
+        let terms = Terms { deadline: limit.and_then(|d| start.checked_add(d)), ..Terms::default() };
         self.window.y[n * ny..].copy_from_slice(y);
         self.estimated = true;
         self.write_node(n);
@@ -586,7 +566,7 @@ impl Mhe {
         let (mut status, mut source, mut done) = (QpStatus::Failed, Source::Plan, 0);
         while done < self.options.iterations {
             if done > 0 {
-                if over(deadline) {
+                if terms.over() {
                     break;
                 }
                 self.linearise()?;
@@ -595,7 +575,7 @@ impl Mhe {
                 break;
             }
             done += 1;
-            let (size, outcome) = self.improve(deadline);
+            let (size, outcome) = self.improve(&terms);
             (status, source) = outcome;
             if source == Source::Plan || size <= self.options.tol {
                 break;
@@ -606,21 +586,17 @@ impl Mhe {
     }
 
     /// A step; its size by the deviations of the start.
-    fn improve(&mut self, deadline: Option<Instant>) -> (f64, (QpStatus, Source)) {
+    fn improve(&mut self, terms: &Terms) -> (f64, (QpStatus, Source)) {
         let nx = self.nx;
         let mean = &mut self.step.lambda[..nx];
         mean.iter_mut().zip(self.arrival.mean.iter().zip(&self.window.x)).for_each(|(d, (m, x))| *d = m - x);
-        let mut status = self.solver.solve(&self.qp, mean, &Terms { deadline, ..Terms::default() });
+        let mut status = self.solver.solve(&self.qp, mean, terms);
         let mut source = Source::Qp;
-        if status == QpStatus::Infeasible || (status == QpStatus::OutOfTime && !over(deadline)) {
+        if status == QpStatus::Infeasible || (status == QpStatus::OutOfTime && !terms.over()) {
             let cost = self.solver.cost_of_rows(&self.qp);
             let largest = self.qp.grad_x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
             let scale = [cost, largest].into_iter().find(|v| *v > 0.0 && v.is_finite()).unwrap_or(1.0);
-            status = self.solver.solve(
-                &self.qp,
-                mean,
-                &Terms { deadline, elastic: Some(ELASTIC * scale), ..Terms::default() },
-            );
+            status = self.solver.solve(&self.qp, mean, &Terms { elastic: Some(ELASTIC * scale), ..*terms });
             if self.solver.violates(&self.qp) {
                 source = Source::SoftQp;
             }
@@ -661,7 +637,7 @@ impl Mhe {
         }
         self.filter.copy_from(&self.arrival);
         for k in n - self.filled..=n {
-            self.take_jacobian(k);
+            self.measured.jacobian_by_states(k, nx, &mut self.jac);
             self.residual.iter_mut().zip(&self.window.y[k * ny..]).for_each(|(e, y)| *e = 0.0 * y);
             self.filter.measure(&self.jac, &self.sigma, &self.residual);
             if k < n {
@@ -672,21 +648,5 @@ impl Mhe {
         }
         self.filter.covariance(out);
         Ok(())
-    }
-}
-
-/// Is the time over?
-fn over(deadline: Option<Instant>) -> bool {
-    deadline.is_some_and(|d| Instant::now() >= d)
-}
-
-/// Functions without a value are no error of the call.
-fn note(outcome: EvalResult) -> Result<()> {
-    match outcome {
-        Ok(()) | Err(EvalError::Recoverable) => Ok(()),
-        Err(EvalError::Fatal(code)) => {
-            Err(Error::User { code, what: "a function of the model returned a negative code".into() })
-        }
-        Err(EvalError::Stopped) => Err(stop::error()),
     }
 }

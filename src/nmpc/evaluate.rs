@@ -1,10 +1,23 @@
 //! A model function at many points at once.
 
+use crate::error::{Error, Result};
 use crate::expr::{ExprFunction, LANES};
 use crate::func::{Dims, EvalError, EvalResult, Point};
 use crate::linalg::csc::Pattern;
 use crate::stop;
 use crate::system::SharedFunction;
+
+/// Has a function a value? What ends the call is an error of it.
+pub(super) fn has_value(outcome: EvalResult) -> Result<bool> {
+    match outcome {
+        Ok(()) => Ok(true),
+        Err(EvalError::Recoverable) => Ok(false),
+        Err(EvalError::Fatal(code)) => {
+            Err(Error::User { code, what: "a function of the model returned a negative code".into() })
+        }
+        Err(EvalError::Stopped) => Err(stop::error()),
+    }
+}
 
 /// Points, inputs and results of one function. Quantity `i` of point `k` is at `i · n + k`: quantities lie beside each other
 /// for all points, so that programs of expressions run on eight points at a time.
@@ -79,6 +92,14 @@ impl Many {
         let n = self.n;
         let values = x.iter().chain(u).chain(p).copied().chain(std::iter::once(t));
         values.enumerate().for_each(|(j, v)| self.inputs[j * n + k] = v);
+    }
+
+    /// The Jacobian by the first `nx` inputs at one point, `[n_out · nx]`, row-major.
+    pub fn jacobian_by_states(&self, k: usize, nx: usize, out: &mut [f64]) {
+        out.fill(0.0);
+        for (e, &(i, c)) in self.jac_entries.iter().enumerate().filter(|e| e.1 .1 < nx) {
+            out[i * nx + c] = self.jac[e * self.n + k];
+        }
     }
 
     /// Sets the weights of the Hessian at one point.

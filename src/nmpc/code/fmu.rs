@@ -32,11 +32,11 @@ impl Nmpc {
     }
 
     /// Starts of all numbers: states, controls, references, parameters.
-    fn fmu_starts(&self, x: &[f64], u: &[f64]) -> Vec<f64> {
+    fn fmu_starts(&self, terms: &[usize], x: &[f64], u: &[f64]) -> Vec<f64> {
         let (nx, nu, nodes) = (self.nx(), self.nu(), &self.model.nodes);
         let mut start = [&x[..nx], &u[..nu]].concat();
-        for k in self.fmu_terms() {
-            let s = &self.model.costs.squares[k];
+        for k in terms {
+            let s = &self.model.costs.squares[*k];
             start.extend_from_slice(&s.references[..s.f.n_out()]);
         }
         start.extend_from_slice(&nodes.p[..nodes.np]);
@@ -50,7 +50,7 @@ impl Nmpc {
         let sizes: Vec<usize> = terms.iter().map(|k| self.model.costs.squares[*k].f.n_out()).collect();
         let guid = format!("{{{:016x}-{:016x}}}", hash(source, 0), hash(source, 1));
         let sample = self.model.nodes.h[0];
-        let starts = self.fmu_starts(x, u);
+        let starts = self.fmu_starts(&terms, x, u);
         let mut data = format!(
             "#define GUID \"{guid}\"\nstatic const double SAMPLE = {sample:e};\nenum {{ N_TERMS = {}, N_REFERENCES = {} }};\n",
             terms.len(),
