@@ -34,6 +34,15 @@ static inline int32_t circle(const swb_point *at, double *out, void *user_data)
     return 0;
 }
 
+/* A mass that a force moves: x' = (x_1, u). */
+static inline int32_t double_integrator(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[1];
+    out[1] = at->u[0];
+    return 0;
+}
+
 static inline int32_t circle_jacobian(const swb_point *at, double *out, void *user_data)
 {
     (void)user_data;

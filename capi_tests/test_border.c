@@ -280,14 +280,6 @@ static void serial(void)
     swb_function_free(f);
 }
 
-static int32_t integrator(const swb_point *at, double *out, void *user_data)
-{
-    (void)user_data;
-    out[0] = at->x[1];
-    out[1] = at->u[0];
-    return 0;
-}
-
 static int32_t friction(const swb_point *at, double *out, void *user_data)
 {
     (void)at;
@@ -317,7 +309,7 @@ static void *with_little_stack(void *data)
     static const int64_t rows[] = {0, 1};
     static const int8_t signs[] = {1, -1};
     static const double rest[] = {0.0, 0.0}, low[] = {-1.0, -1.0}, high[] = {2.0, 2.0};
-    swb_function *f0 = make_function("f0", 2, 1, 0, 2, integrator, NULL);
+    swb_function *f0 = make_function("f0", 2, 1, 0, 2, double_integrator, NULL);
     swb_function *modes = make_function("F", 2, 1, 0, 4, friction, NULL);
     swb_function *psi = make_function("v", 2, 1, 0, 1, speed, NULL);
     swb_function *cost = make_function("L", 2, 1, 0, 1, effort, NULL);

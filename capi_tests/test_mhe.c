@@ -7,14 +7,6 @@
 
 static const double sample = 0.1, start[2] = {0.5, 0.0}, initial[2] = {1.0, 2.0}, process[2] = {0.0, 0.1}, sigma[1] = {0.2};
 
-static int32_t rates(const swb_point *at, double *out, void *user_data)
-{
-    (void)user_data;
-    out[0] = at->x[1];
-    out[1] = at->u[0];
-    return 0;
-}
-
 static int32_t rest(const swb_point *at, double *out, void *user_data)
 {
     (void)at;
@@ -94,7 +86,7 @@ static void a_constant_is_its_mean(void)
 /* The speed of a mass from its positions, with a control that is known. */
 static void a_mass_has_its_speed(void)
 {
-    swb_ocp *ocp = make_problem(rates);
+    swb_ocp *ocp = make_problem(double_integrator);
     swb_function *y = make_function("y", 2, 1, 0, 1, position, NULL);
     swb_mhe_options options;
     swb_mhe *c = NULL;
@@ -118,7 +110,7 @@ static void a_mass_has_its_speed(void)
 
 static void bad_input(void)
 {
-    swb_ocp *ocp = make_problem(rates);
+    swb_ocp *ocp = make_problem(double_integrator);
     swb_function *y = make_function("y", 2, 1, 0, 1, position, NULL);
     double x[2] = {7.0, 7.0}, measured = 0.0, nan1 = NAN, infinite = INFINITY, none[2] = {0.0, 0.0};
     swb_mhe_options options;

@@ -7,15 +7,6 @@
 
 static const double sample = 0.1, weight_x[2] = {2.0, 0.5}, weight_u = 0.3, weight_end[2] = {5.0, 1.0};
 
-/* Double integrator. */
-static int32_t rates(const swb_point *at, double *out, void *user_data)
-{
-    (void)user_data;
-    out[0] = at->x[1];
-    out[1] = at->u[0];
-    return 0;
-}
-
 static int32_t all(const swb_point *at, double *out, void *user_data)
 {
     (void)user_data;
@@ -104,7 +95,7 @@ static void feedback_is_that_of_riccati(void)
     swb_nmpc_options options;
     swb_nmpc_info info;
     swb_nmpc_monitor monitor;
-    swb_ocp *ocp = make_problem(rates);
+    swb_ocp *ocp = make_problem(double_integrator);
     swb_nmpc *c = NULL;
 
     CHECK_OK(swb_nmpc_options_init(&options, sizeof options));
@@ -175,7 +166,7 @@ static void bad_input(void)
     double u = 7.0;
     int64_t n;
     swb_nmpc_options options;
-    swb_ocp *ocp = make_problem(rates);
+    swb_ocp *ocp = make_problem(double_integrator);
     swb_nmpc *c = NULL, *none = (swb_nmpc *)&options;
 
     CHECK_OK(swb_nmpc_options_init(&options, sizeof options));
