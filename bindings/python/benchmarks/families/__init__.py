@@ -22,14 +22,14 @@ import numpy as np
 import switchback_control as swb
 from switchback_control import SwitchbackError
 
-from . import affine, friction, gears, hopping, hysteresis, onoff, projected, pushing, regions, tanks, walls
+from . import affine, friction, gears, hopping, horizons, hysteresis, onoff, projected, pushing, regions, tanks, walls
 from .statement import Statement, function_of, without_noise
 
 __all__ = ["FAMILIES", "Problem", "Statement", "generator", "instance"]
 
 FAMILIES: dict[str, Any] = {
     m.__name__.rpartition(".")[2]: m
-    for m in (friction, gears, regions, tanks, walls, pushing, hysteresis, onoff, hopping, projected, affine)
+    for m in (friction, gears, regions, tanks, walls, pushing, hysteresis, onoff, hopping, projected, affine, horizons)
 }
 #: Draws of one structure without a usable one among them after which another structure is drawn, and of such structures that mean that a family is wrong.
 DRAWS, STRUCTURES = 200, 20
