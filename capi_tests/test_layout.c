@@ -121,7 +121,8 @@ int main(void)
     AT(swb_iteration_info, 11, alpha_pr);
     AT(swb_iteration_info, 12, trials);
     AT(swb_iteration_info, 13, phase);
-    CHECK(sizeof(swb_iteration_info) == (size_t)8 * 14);
+    AT(swb_iteration_info, 14, incumbent);
+    CHECK(sizeof(swb_iteration_info) == (size_t)8 * 15);
     AT(swb_casadi, 0, struct_size);
     AT(swb_casadi, 1, eval);
     AT(swb_casadi, 2, n_in);

@@ -421,7 +421,7 @@ enum swb_ocp_start
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Smoothed problems lead to mode sequences, several of which are solved. The homotopy from the guess follows where these do not agree on a certified solution, or constraints on the way are not linear. The cheapest solution is kept.
+     * All ways in one race: the guess, smoothed problems, descents on simulations from random controls, and the homotopy. Each has its share of the work, and what gains has more. The cheapest solution that a simulation confirms is kept.
      */
     SWB_OCP_START_PORTFOLIO = 0,
     /**
@@ -429,13 +429,9 @@ enum swb_ocp_start
      */
     SWB_OCP_START_HOMOTOPY = 1,
     /**
-     * Smoothed problems alone; the homotopy only where they lead to no solution.
+     * Smoothed problems and sequences next to their solutions; the homotopy only where they lead to no solution.
      */
     SWB_OCP_START_SMOOTHING = 2,
-    /**
-     * All ways in one race: the guess, smoothed problems, descents on simulations from random controls, and the homotopy. Each has its share of the work, and what gains has more.
-     */
-    SWB_OCP_START_RACE = 3,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -3009,6 +3005,10 @@ typedef struct swb_iteration_info {
      * 's' step that lowers the error as a whole, 'c' linear program of a certificate, numbered on its own.
      */
     int64_t phase;
+    /**
+     * Cost of the best solution that a search around this solve has verified so far; infinite where there is none.
+     */
+    double incumbent;
 } swb_iteration_info;
 
 /**

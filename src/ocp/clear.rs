@@ -2,7 +2,6 @@
 //! the surface, and so does the solution between the points of the method. The same modes are solved with a distance from the surface, and
 //! an element begins where the state is closest to it. The distance is the smallest one with which a simulation of the controls follows the solution.
 
-use super::candidates::Candidates;
 use super::moves::Sequence;
 use super::optimality::OTHER;
 use super::request::Request;
@@ -90,20 +89,6 @@ impl Ocp {
         Ok(None)
     }
 
-    /// The problem with its last answer; where that leads elsewhere because of what it touches, the one with a distance, if there is one.
-    pub(super) fn or_clear(
-        mut self: Box<Ocp>,
-        found: &mut Candidates,
-        request: &Request,
-        control: &mut Control,
-    ) -> Result<Box<Ocp>> {
-        if !self.leads_elsewhere()? {
-            return Ok(self);
-        }
-        let clear = self.keep_clear(request, &mut |r| found.add(r), control)?;
-        Ok(clear.unwrap_or(self))
-    }
-
     /// Do the controls of the last answer lead elsewhere, in one of the stages?
     pub(super) fn leads_elsewhere(&mut self) -> Result<bool> {
         Ok(self.judged()?.is_some_and(|o| o.reason == OTHER))
@@ -183,7 +168,7 @@ impl Ocp {
         let mut work = Box::new(self.blank());
         work.carry_over(r)?;
         work.set_elements(&s.stages.iter().map(Vec::len).collect::<Vec<usize>>())?;
-        work.modes = Some(s.modes(&form));
+        work.modes = Some(s.modes(&form, &work.durations));
         work.clearance = Some(clearance);
         Ok(work)
     }

@@ -41,7 +41,6 @@ mod request;
 mod retries;
 mod rewire;
 mod scene;
-mod second_look;
 mod sensitivity;
 mod sequence;
 mod smoothing;

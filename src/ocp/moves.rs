@@ -52,15 +52,20 @@ impl Sequence {
         first.is_some_and(|(set, _)| simplices.iter().any(|c| set[c.clone()].iter().filter(|a| **a).count() > 1))
     }
 
-    /// As times and modes.
-    pub fn modes(&self, form: &Form) -> ModeSequence {
-        let (mut s, mut t) = (ModeSequence::default(), 0.0);
-        for (cells, length) in self.stages.iter().flatten() {
-            s.times.push(t);
-            let modes = form.reported.iter().flatten();
-            s.modes.extend(modes.map(|w| w.iter().any(|&w| form.is_active(w, cells))));
-            s.cells.extend(cells);
-            t += length;
+    /// As times and modes, on stages of these lengths. The phases of a stage have their shares of it: their sum differs from it by what a solver leaves.
+    pub fn modes(&self, form: &Form, durations: &[f64]) -> ModeSequence {
+        let (mut s, mut begin) = (ModeSequence::default(), 0.0);
+        for (stage, duration) in self.stages.iter().zip(durations) {
+            let (mut t, sum) = (begin, stage.iter().map(|p| p.1).sum::<f64>());
+            let scale = if sum > 0.0 { duration / sum } else { 0.0 };
+            for (cells, length) in stage {
+                s.times.push(t);
+                let modes = form.reported.iter().flatten();
+                s.modes.extend(modes.map(|w| w.iter().any(|&w| form.is_active(w, cells))));
+                s.cells.extend(cells);
+                t += scale * length;
+            }
+            begin += duration;
         }
         s
     }
@@ -269,7 +274,7 @@ impl Ocp {
         work.carry_over(r)?;
         let rooms: Vec<usize> = n_fe.iter().zip(&s.stages).map(|(n, s)| (*n).max(s.len())).collect();
         work.set_elements(&rooms)?;
-        work.modes = Some(s.modes(form));
+        work.modes = Some(s.modes(form, &work.durations));
         Ok(work)
     }
 }

@@ -10,10 +10,9 @@ use super::candidates::Candidates;
 use super::extend::Extended;
 use super::moves::Sequence;
 use super::optimality::{Kink, Optimality, Verdict, NONE as NO_SLOPE, OTHER};
-use super::portfolio::{FINER, GAIN};
+use super::portfolio::GAIN;
 use super::request::Request;
 use super::rewire::Rewire;
-use super::second_look::DRAWN;
 use super::sequence::{Room, Traced, LOWEST, SAMPLES, TOLERANCE};
 use super::solve::{Built, Start};
 use super::terms::{combination, Stack};
@@ -32,6 +31,10 @@ const WITHIN_ERROR: &str = "a descent on simulations gains no more than the answ
 const NO_DESCENT: &str = "no descent on simulations leads from the answer to one that meets the constraints";
 /// Multiples of the difference between an answer and its simulation that a gain must be to be one.
 const BEYOND_ERROR: f64 = 10.0;
+/// Multiple of the elements where an answer is too inaccurate for its simulation.
+const FINER: usize = 2;
+/// Random controls at most from which descents begin where an answer makes no contact.
+const DRAWN: usize = 80;
 /// How often a descent is followed at most. Each gains what counts as a change to first order.
 const FOLLOWED: usize = 10;
 
@@ -112,7 +115,8 @@ impl Ocp {
             return Ok(());
         }
         let known = self.known_or_own_sizes()?;
-        let most = self.simulations(r, r.stats.iterations);
+        // as many simulations as the answer took iterations
+        let most = (self.settings.search_effort * r.stats.iterations as f64) as usize;
         let shots = self.shots(b, r, self.coarse_starts(DRAWN, 0), &known, most)?;
         let best = shots.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         if let Some(best) = best.filter(|s| s.cost < r.priced - GAIN * r.priced.abs()) {
@@ -152,13 +156,13 @@ impl Ocp {
         let clock = clock.checked_sub(spent).unwrap_or(clock);
         let now = r.priced;
         let inside = request.of_a_part();
-        for elements in [1, FINER[0]] {
+        for elements in [1, FINER] {
             let room = Room { elements, ..LOWEST };
             let one = self.solve_traced(moved, (&traced, room), &known, &inside, control)?;
             let Some(next) = one.result.as_ref() else { continue };
             found.add(next);
             if next.is_exact() && next.priced < now - GAIN * now.abs() {
-                found.replace(one, request)?;
+                found.best = Some(one);
                 self.adopt(found, request, control, clock)?;
                 return Ok(true);
             }

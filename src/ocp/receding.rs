@@ -1,18 +1,9 @@
 //! Horizons that move on: the solution one control stage later is simulated from the state that was measured, and the phases of that
 //! simulation are the start of a mode program. Switches move with the time, and into the stages where the new state puts them.
 
-use std::time::Instant;
-
-use super::candidates::Candidates;
-use super::optimality::Verdict;
-use super::portfolio::{part, Ladders};
-use super::request::Request;
-use super::sequence::NEAR;
 use super::{Durations, Ocp, OcpResult};
-use crate::dcs::Dcs;
 use crate::error::{Error, Result};
 use crate::nlp::middle;
-use crate::nlp::Control;
 
 /// Share of the largest cost of a plan so far by which the cost may rise from one sample to the next, and below which nothing
 /// is left that is worth a search: noise.
@@ -110,52 +101,5 @@ impl Ocp {
                 *x = if l == u { middle(l, u) } else { x.clamp(l, u) };
             }
         }
-    }
-
-    /// Solves from the solution one stage earlier. What was found is given back where that is no exact answer, or costs more than was to be
-    /// expected: something happened to the plant, and other plans may be better now.
-    pub(super) fn solve_shifted(
-        &mut self,
-        mut moved: Box<OcpResult>,
-        request: &Request,
-        control: &mut Control,
-    ) -> Result<Option<Candidates>> {
-        let clock = Instant::now();
-        self.restate_start(&mut moved);
-        let known = match &self.measured {
-            Some(s) => s.clone(),
-            None => self.sizes()?,
-        };
-        let mut found = Candidates { known: known.clone(), ..Candidates::default() };
-        let inside = request.of_a_part();
-        let (mut phases, mut slides) = (Vec::new(), false);
-        if let Some(traced) = self.trace_through(&moved, &request.options)? {
-            phases = traced.phases.sets();
-            slides = traced.phases.begins_sliding(&Dcs::stewart(&self.system)?.form().simplices);
-            let one = self.solve_traced(&moved, (&traced, NEAR), &known, &inside, control)?;
-            let Some(r) = one.result.as_ref() else { return Ok(Some(found)) };
-            found.add(r);
-            if r.is_exact() {
-                found.replace(one, request)?;
-            }
-        }
-        let noise = SURPRISE * self.largest;
-        let (expected, cheap) = (moved.priced + noise, found.cost().abs() <= noise);
-        if found.cost() > expected || slides && !cheap {
-            // what sticks sees no control that would set it free: a smoothed problem does
-            part(&mut found, control, |found, control| {
-                self.smooth(found, Ladders::FromPlan(phases), request, control)
-            })?;
-        }
-        if found.cost() > expected {
-            return Ok(Some(found));
-        }
-        let Some(best) = found.best.as_mut() else { return Ok(Some(found)) };
-        if best.judged()?.is_some_and(|o| o.verdict == Verdict::NotOptimal) {
-            part(&mut found, control, |found, control| self.improve(found, request, control))?;
-        }
-        part(&mut found, control, |found, control| self.settle(found, request, control))?;
-        self.adopt(found, request, control, clock)?;
-        Ok(None)
     }
 }

@@ -58,7 +58,7 @@ impl Ocp {
             };
             found.add(r);
             if r.outcome == Outcome::Solved {
-                found.replace(one, request)?;
+                found.best = Some(one);
                 return self.adopt(found, request, control, clock);
             }
         }

@@ -154,7 +154,7 @@ impl Ocp {
         work.params = self.params_from(r);
         let along = (&traced.times[..], &traced.states[..]);
         work.sizes = Some(self.sizes_along(along, &r.controls, &r.durations, known));
-        work.modes = Some(s.modes(dcs.form()));
+        work.modes = Some(s.modes(dcs.form(), &work.durations));
         work.run(if room.lowest { Start::Lowest } else { Start::Branch }, request, control)?;
         Ok(work)
     }

@@ -1,6 +1,6 @@
 //! Starts by smoothing: the problem with smooth weights on fixed steps, wide first and then narrower, is a sequence of
-//! ordinary nonlinear programs, each of which starts from the last. Wide problems have few local optima. Several ladders
-//! of widths race to the width at which their costs can be compared; the best go on to the narrowest one, whose answer
+//! ordinary nonlinear programs, each of which starts from the last. Wide problems have few local optima. Every ladder
+//! of widths goes to the width at which costs can be compared; those that differ go on to the narrowest one, whose answer
 //! says which controls to simulate, see [`super::sequence`].
 
 use super::nominal::{quantile, sample};
@@ -14,7 +14,6 @@ use crate::mpcc::{Solution, Warm};
 use crate::nlp::{Control, Nlp, Outcome, Statistics};
 use crate::settings::{Discretisation, InitialGuess};
 use crate::sim::SolveOptions;
-use crate::stop;
 use crate::system::{SharedFunction, Widths};
 
 /// A smoothed problem: width in units of the sizes of the switching functions, barrier parameter it begins with, tolerance.
@@ -33,11 +32,9 @@ enum From {
 
 /// Where ladders begin, the likeliest first: the width, and the point.
 const FIRST: [(f64, From); 4] = [(1.0, From::Guess), (1.0, From::Straight), (0.1, From::Guess), (10.0, From::Guess)];
-/// Further ladders, as long as the problem is small: iterations times variables of all before do not exceed [`SMALL`]. They begin
-/// narrow: wide problems lead to the same optimum from everywhere.
+/// Further ladders. They begin narrow: wide problems lead to the same optimum from everywhere.
 const MORE: [(f64, From); 4] =
     [(0.3, From::Random(1)), (0.3, From::Random(2)), (0.3, From::Random(3)), (0.3, From::Random(4))];
-const SMALL: usize = 500_000;
 /// Where a ladder begins from a plan that is known, and where it ends.
 const PLAN: [Rung; 2] = [(0.1, 1e-2, 1e-3), NARROWEST];
 /// What every ladder goes through from its first width down; at the last one the costs are compared.
@@ -46,14 +43,14 @@ const COMMON: [Rung; 3] = [(1.0, 1e-2, 1e-2), (0.3, 1e-2, 1e-2), (0.1, 1e-2, 1e-
 const NARROWEST: Rung = (0.03, 1e-3, 1e-3);
 /// Barrier parameter and tolerance of the first problem of a ladder.
 const OPENING: [f64; 2] = [0.1, 1e-2];
-/// Ladders that go on to the end, and the difference of their costs, relative, from which they are different.
-const FINISHERS: usize = 2;
+/// Difference of the costs of ladders, relative, from which they are different.
 const DIFFERENT: f64 = 1e-3;
 /// Finite elements of the whole horizon at least, and stages of the method.
 const ELEMENTS: usize = 40;
 const STAGES: usize = 2;
-/// Iterations of one program, and what is left of them at least where they are many for the number of variables.
+/// Iterations of one program, work of one in iterations times variables, and the iterations that are left of them at least for that.
 const ITERATIONS: usize = 150;
+const WORK: usize = 500_000;
 const AT_LEAST: usize = 40;
 
 /// The smoothed problem, built once for all ladders.
@@ -83,16 +80,6 @@ pub(super) struct Smoother {
 struct Climber {
     sizes: Vec<f64>,
     at: Solution,
-    /// Ladders that got to this point.
-    count: usize,
-}
-
-/// What a ladder ended at.
-pub(super) struct Smoothed {
-    /// Answers of its last problems.
-    pub answers: Vec<OcpResult>,
-    /// Ladders that got there.
-    pub count: usize,
 }
 
 impl Ocp {
@@ -142,37 +129,6 @@ impl Ocp {
 }
 
 impl Smoother {
-    /// The best of the ladders, the cheapest first, which differ in their costs.
-    pub fn race(&mut self, control: &mut Control) -> Vec<Smoothed> {
-        let mut field: Vec<Climber> = Vec::new();
-        for (first, from) in FIRST.into_iter().chain(MORE) {
-            if matches!(from, From::Random(_)) && self.is_large() {
-                break;
-            }
-            let climber = self.ladder((first, from), control);
-            if stop::requested().is_some() {
-                break;
-            }
-            let Some(c) = climber else { continue };
-            match field.iter_mut().find(|o| is_same(o.at.objective, c.at.objective)) {
-                Some(o) => o.count += 1,
-                None => field.push(c),
-            }
-        }
-        field.sort_by(|a, b| a.at.objective.total_cmp(&b.at.objective));
-        let mut found = Vec::new();
-        for c in field.into_iter().take(FINISHERS) {
-            let count = c.count;
-            found.push(Smoothed { answers: self.finish(c, NARROWEST, control), count });
-        }
-        found
-    }
-
-    /// One ladder from the guess, which is an earlier plan: near it, but not bound to its modes.
-    pub fn follow(&mut self, control: &mut Control) -> Vec<Smoothed> {
-        self.plan_ladder(control).map(|answers| Smoothed { answers, count: 1 }).into_iter().collect()
-    }
-
     /// A ladder down to the width at which costs are compared; `None` where it has no beginning, or ends before.
     fn ladder(&mut self, (first, from): (f64, From), control: &mut Control) -> Option<Climber> {
         let w0 = self.beginning(from, control)?;
@@ -186,16 +142,6 @@ impl Smoother {
         let first = self.read(&c);
         let last = self.climb(c, &[last], control);
         std::iter::once(first).chain(last.map(|c| self.read(&c))).collect()
-    }
-
-    /// Iterations times variables of all so far.
-    pub fn work(&self) -> usize {
-        self.spent.iterations * self.built.problem.n()
-    }
-
-    /// Did they take so much that further ones are not worth it?
-    pub fn is_large(&self) -> bool {
-        self.work() > SMALL
     }
 
     /// What the next ladder ends at, which is what an earlier one does where both cost the same at the width at which costs are compared. `None` where
@@ -229,7 +175,7 @@ impl Smoother {
         let w0 = self.w0.clone();
         let sizes = self.sizes.clone();
         let at = self.solve(&sizes, width, &Warm { x: &w0, y: &[], z: &[] }, [mu, tol], control)?;
-        let c = Climber { sizes: self.sizes_along(&at.x), at, count: 1 };
+        let c = Climber { sizes: self.sizes_along(&at.x), at };
         Some(self.finish(c, last, control))
     }
 
@@ -258,7 +204,7 @@ impl Smoother {
         let sizes = self.sizes.clone();
         let at = self.solve(&sizes, width, &from, OPENING, control)?;
         let sizes = self.sizes_along(&at.x);
-        Some(Climber { sizes, at, count: 1 })
+        Some(Climber { sizes, at })
     }
 
     /// Goes through the rungs from the point of a climber; `None` where the first of them has no solution.
@@ -282,7 +228,7 @@ impl Smoother {
         sizes.iter().enumerate().for_each(|(k, s)| self.widths.set(k, width * s));
         let Built { problem, solver, bounds, .. } = &mut *self.built;
         // a large problem that takes long is one that another ladder may come to sooner
-        let allowed = ITERATIONS.min((SMALL / problem.n().max(1)).max(AT_LEAST));
+        let allowed = ITERATIONS.min((WORK / problem.n().max(1)).max(AT_LEAST));
         let outcome = solver.solve_loosely(problem, bounds, from, accuracy, allowed.min(self.left), control);
         let s = solver.solution();
         self.spent.add(&s.stats);

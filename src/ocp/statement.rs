@@ -49,12 +49,6 @@ impl Statement<'_> {
         self.system.is_serial() || self.any_function(&|f| f.is_serial())
     }
 
-    /// Are evaluations cheap: are functions no foreign code that one thread alone may call, and their first derivatives no differences of values?
-    pub(super) fn is_cheap(&self) -> bool {
-        let approximate = |f: &dyn Function| f.jacobian_is_approximate();
-        !self.is_serial() && !self.system.any_function(&approximate) && !self.any_function(&approximate)
-    }
-
     /// Is something true of a function of costs and constraints?
     fn any_function(&self, is: &dyn Fn(&dyn Function) -> bool) -> bool {
         let is = |f: &SharedFunction| is(f.as_ref());
@@ -145,45 +139,5 @@ impl Ocp {
             complementarity,
             modes: modes.as_ref(),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::func::{Callback, Dims, Point};
-    use crate::linalg::csc::Pattern;
-    use std::sync::Arc;
-
-    /// A problem is as dear to evaluate as its dearest function, be that one of the system or of the costs.
-    #[test]
-    fn derivatives_by_differences_are_not_cheap() {
-        let by_differences = || {
-            Callback::new("f", Dims { x: 1, u: 0, p: 0 }, 1, |at: &Point, out: &mut [f64]| {
-                out[0] = -at.x[0];
-                0
-            })
-        };
-        let exact = || -> SharedFunction {
-            let (pattern, _) = Pattern::from_triplets(1, 2, &[0], &[0]);
-            Arc::new(
-                by_differences()
-                    .with_jacobian(pattern, |_, out| {
-                        out[0] = -1.0;
-                        0
-                    })
-                    .unwrap(),
-            )
-        };
-        let problem = |f: SharedFunction, cost: SharedFunction| {
-            let mut system = System::new(1, 0, 0).unwrap();
-            system.set_f0(f).unwrap();
-            let mut o = Ocp::new(&system, 1.0, 1, &Settings::default()).unwrap();
-            o.set_lagrange(cost).unwrap();
-            o.statement().is_cheap()
-        };
-        assert!(problem(exact(), exact()));
-        assert!(!problem(exact(), Arc::new(by_differences())));
-        assert!(!problem(Arc::new(by_differences()), exact()));
     }
 }

@@ -214,7 +214,9 @@ pub(crate) fn explore<S: Space>(
         if race.is_enough() {
             break Ended::Enough;
         }
-        match race.step(control) {
+        let best = race.best();
+        let incumbent = if best.feasible && !best.contradicted { best.cost } else { f64::INFINITY };
+        match control.with_incumbent(incumbent, |control| race.step(control)) {
             Ok(true) => {}
             Ok(false) => break Ended::Exhausted,
             Err(Error::Interrupted | Error::OutOfTime) if !race.nodes.is_empty() => break Ended::Limit,

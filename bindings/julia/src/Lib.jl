@@ -140,17 +140,15 @@ const NAMES_swb_initial_guess = [:constant => 0, :simulation => 1, :smoothed => 
 """
 Search for the solution of an optimal control problem (option ocp_start).
 
-- `SWB_OCP_START_PORTFOLIO`: Smoothed problems lead to mode sequences, several of which are solved. The homotopy from the guess follows where these do not agree on a certified solution, or constraints on the way are not linear. The cheapest solution is kept.
+- `SWB_OCP_START_PORTFOLIO`: All ways in one race: the guess, smoothed problems, descents on simulations from random controls, and the homotopy. Each has its share of the work, and what gains has more. The cheapest solution that a simulation confirms is kept.
 - `SWB_OCP_START_HOMOTOPY`: The homotopy from the guess alone.
-- `SWB_OCP_START_SMOOTHING`: Smoothed problems alone; the homotopy only where they lead to no solution.
-- `SWB_OCP_START_RACE`: All ways in one race: the guess, smoothed problems, descents on simulations from random controls, and the homotopy. Each has its share of the work, and what gains has more.
+- `SWB_OCP_START_SMOOTHING`: Smoothed problems and sequences next to their solutions; the homotopy only where they lead to no solution.
 """
 const swb_ocp_start = Int64
 const SWB_OCP_START_PORTFOLIO = swb_ocp_start(0)
 const SWB_OCP_START_HOMOTOPY = swb_ocp_start(1)
 const SWB_OCP_START_SMOOTHING = swb_ocp_start(2)
-const SWB_OCP_START_RACE = swb_ocp_start(3)
-const NAMES_swb_ocp_start = [:portfolio => 0, :homotopy => 1, :smoothing => 2, :race => 3]
+const NAMES_swb_ocp_start = [:portfolio => 0, :homotopy => 1, :smoothing => 2]
 
 """
 Strategies for a program with complementarity constraints (option portfolio).
@@ -1342,6 +1340,7 @@ One iteration of a solve.
 - `alpha_pr`: Primal step length.
 - `trials`: Trial points of the line search.
 - `phase`: Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam, 's' step that lowers the error as a whole, 'c' linear program of a certificate, numbered on its own.
+- `incumbent`: Cost of the best solution that a search around this solve has verified so far; infinite where there is none.
 """
 struct swb_iteration_info
     struct_size::UInt64
@@ -1358,8 +1357,9 @@ struct swb_iteration_info
     alpha_pr::Cdouble
     trials::Int64
     phase::Int64
+    incumbent::Cdouble
 end
-sizeof(swb_iteration_info) == 112 || error("swb_iteration_info has another size than in C")
+sizeof(swb_iteration_info) == 120 || error("swb_iteration_info has another size than in C")
 
 """
 How a scene is made a piecewise smooth system in numerical time; swb_freeze_options_init sets the defaults.

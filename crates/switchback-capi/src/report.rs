@@ -260,6 +260,8 @@ pub struct swb_iteration_info {
     /// Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam,
     /// 's' step that lowers the error as a whole, 'c' linear program of a certificate, numbered on its own.
     pub phase: i64,
+    /// Cost of the best solution that a search around this solve has verified so far; infinite where there is none.
+    pub incumbent: f64,
 }
 
 /// Called once per iteration by the thread that solves; a return other than 0 stops the solve with the
@@ -425,6 +427,7 @@ fn iteration_info(i: &IterationInfo) -> swb_iteration_info {
         alpha_pr: i.alpha_pr,
         trials: i.trials as i64,
         phase: i64::from(i.phase),
+        incumbent: i.incumbent,
     }
 }
 

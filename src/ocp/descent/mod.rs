@@ -9,7 +9,6 @@ use super::solve::Built;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
-use crate::jumps::spread::misses;
 use crate::random::SplitMix64;
 use crate::stop;
 use shooting::Shooting;
@@ -134,15 +133,6 @@ impl Ocp {
         Ok((0..values.rows.len()).all(|i| off(i) <= MET * values.usual[i]).then_some(values.cost))
     }
 
-    /// Descends from what a simulation makes of the controls of `from`, which need not meet the constraints, to controls that nearly
-    /// do. `b` is the problem as it was built for any point. `None` where that is not reached.
-    pub(super) fn aim(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<Box<OcpResult>>> {
-        let mut shooting = Shooting::new(self, b, from, known)?;
-        let start = shooting.place(b, (&from.controls, &from.control_ends));
-        let Some(found) = lowest(&mut shooting, start, false)? else { return Ok(None) };
-        Ok(shot(&shooting, &found, from).map(|shot| shot.moved))
-    }
-
     /// Where descents from each of these controls end: those that nearly meet the constraints. Lengths, parameters and initial states that are
     /// free are those of `from` at first in every second one, and drawn within their bounds in the others. No more of them begin once there
     /// have been `most` simulations of the horizon.
@@ -179,45 +169,18 @@ impl Ocp {
         b: &Built,
         from: &OcpResult,
         known: &Sizes,
-        seed: Option<u64>,
+        drawn: Option<&mut SplitMix64>,
     ) -> Result<Option<(Option<Shot>, usize)>> {
         let mut shooting = Shooting::new(self, b, from, known)?;
         if !can_vary(&shooting) {
             return Ok(None);
         }
         let mut z = shooting.place(b, (&from.controls, &from.control_ends));
-        if let Some(seed) = seed {
-            shooting.draw(&mut z, &mut SplitMix64::new(seed));
+        if let Some(numbers) = drawn {
+            shooting.draw(&mut z, numbers);
         }
         let found = lowest(&mut shooting, z, false)?;
         Ok(Some((found.as_ref().and_then(|f| shot(&shooting, f, from)), found.map_or(1, |f| f.evaluations))))
-    }
-
-    /// Which of these controls lead closest to the constraints in a simulation, the closest first; violations count as shares of how far
-    /// the values of a constraint are spread among them. Those without a simulation are left out.
-    pub(super) fn closest(
-        &self,
-        b: &Built,
-        r: &OcpResult,
-        controls: Vec<Vec<f64>>,
-        known: &Sizes,
-    ) -> Result<Vec<Vec<f64>>> {
-        let mut shooting = Shooting::new(self, b, r, known)?;
-        let mut tried: Vec<(Vec<f64>, Vec<f64>)> = Vec::with_capacity(controls.len());
-        for u in controls {
-            if stop::requested().is_some() {
-                break;
-            }
-            if let Some(values) = shooting.simulated(b, (&u, &u))? {
-                tried.push((values.rows, u));
-            }
-        }
-        let (lower, upper) = shooting.row_bounds();
-        let bounds: Vec<[f64; 2]> = lower.iter().zip(upper).map(|(l, u)| [*l, *u]).collect();
-        let off = misses(tried.iter().map(|t| &t.0[..]), &bounds);
-        let mut order: Vec<(f64, Vec<f64>)> = off.into_iter().zip(tried).map(|(off, t)| (off, t.1)).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Ok(order.into_iter().map(|o| o.1).collect())
     }
 }
 

@@ -243,9 +243,13 @@ impl<'a> Shooting<'a> {
 
     /// What a simulation makes of controls of the user and their ends, see [`Shooting::place`]; `None` where it fails.
     pub fn simulated(&mut self, b: &Built, controls: (&[f64], &[f64])) -> Result<Option<Values>> {
-        let z = self.place(b, controls);
+        self.simulated_at(&self.place(b, controls))
+    }
+
+    /// What a simulation makes of variables; `None` where it fails.
+    pub fn simulated_at(&mut self, z: &[f64]) -> Result<Option<Values>> {
         let mut values = Values::default();
-        match self.evaluate(&z, &mut values) {
+        match self.evaluate(z, &mut values) {
             Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => Err(e),
             Ok(true) => Ok(Some(values)),
             // a simulation that fails says nothing

@@ -14,13 +14,13 @@ use super::solve::Start;
 use super::{Ocp, OcpResult};
 use crate::dcs::Dcs;
 use crate::error::{Error, Result};
-use crate::nlp::Control;
+use crate::nlp::{allowance, Control, Outcome};
 use crate::search::{explore, Budget, Plan, Source};
 use crate::settings::OcpStart;
 use crate::stop;
 
 /// Costs that differ by less, relative, are the same.
-const SAME: f64 = 1e-4;
+pub(super) const SAME: f64 = 1e-4;
 
 /// What a search has found so far.
 type Known = Vec<(Ended, Sequence)>;
@@ -62,14 +62,27 @@ impl Ocp {
                 None => Vec::new(),
             };
             let mut space = Filippov::new(self, None, out.known.clone(), request, control)?;
-            let sources = [Source::Guess, Source::Smoothing, Source::Samples, Source::Relaxation];
-            let plan = Plan { effort: self.settings.search_effort, ..self.plan(&sources, request.search) };
-            let found = explore(&mut space, &plan, known, &mut spent.budget, control)?;
+            let all = [Source::Guess, Source::Smoothing, Source::Samples, Source::Relaxation];
+            let sources = if request.start == OcpStart::Smoothing { &all[1..2] } else { &all[..] };
+            let plan = Plan { effort: self.settings.search_effort, ..self.plan(sources, request.search) };
+            let mut all = match explore(&mut space, &plan, known, &mut spent.budget, control) {
+                // nothing was found before
+                Err(Error::Interrupted | Error::OutOfTime) => Vec::new(),
+                found => found?.all,
+            };
+            space.settle(&mut all, &mut spent.budget, control)?;
             spent.time_build += space.time_build;
             out.cut = stop::requested();
-            Ok::<Known, Error>(found.all)
+            Ok::<Known, Error>(all)
         })?;
         (out.spent, out.time_build) = (spent.budget.stats, spent.time_build);
+        if let Some(closest) = all.iter().find(|f| f.0.result.outcome == Outcome::MaxIter && allowance::is_over()) {
+            // out of iterations: what violates constraints least, or what is cheapest and no solution yet
+            if !all[0].0.rank.feasible {
+                self.result = Some(OcpResult::clone(&closest.0.result));
+                return self.spent_in_all(&out, clock);
+            }
+        }
         // where nothing has a solution the homotopy says why
         let homotopy = all.iter().position(|f| f.0.homotopy);
         let solved = all.first().is_some_and(|f| f.0.rank.feasible);
@@ -80,11 +93,7 @@ impl Ocp {
             out.add(r);
             return self.spent_in_all(&out, clock);
         };
-        // of what costs the same the first that is known to be an optimum
-        let same = |f: &Ended| f.rank.cost <= all[at].0.rank.cost + SAME * all[at].0.rank.cost.abs();
-        let certified = |f: &&(Ended, Sequence)| f.0.rank.feasible && !f.0.rank.contradicted && f.0.certified;
-        let sure = all.iter().take_while(|f| solved && same(&f.0)).position(|f| certified(&f));
-        let best = all.swap_remove(sure.unwrap_or(at)).0;
+        let best = all.swap_remove(at).0;
         out.still = best.still.filter(|_| best.rank.feasible);
         let Ok(one) = Rc::try_unwrap(best.one) else {
             return Err(Error::Internal("a solution is in use".into()));

@@ -10,7 +10,9 @@ use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::mpcc::{Polish, Solution};
 use crate::nlp::{Control, Nlp, Outcome};
+use crate::random::SplitMix64;
 use crate::ocp::accuracy::Accuracy;
+use super::SAME;
 use crate::ocp::candidates::agree;
 use crate::ocp::moves;
 use crate::ocp::optimality::{Optimality, Verdict, OTHER};
@@ -32,7 +34,8 @@ const FINER: [usize; 2] = [2, 4];
 const SIDE: f64 = 0.1;
 /// Share of the range of a control by which one that is held may change, so that what a simulation meets to its tolerance can be met exactly.
 const HELD: f64 = 0.01;
-/// Iterations that the program of a sequence and the homotopy take as a rule.
+/// Iterations that the program of a sequence and the homotopy take as a rule. With as many for the homotopy as for a program 70 problems took 1.4 times
+/// the work (docs/dev/log/search.md).
 const PROGRAM: f64 = 50.0;
 const HOMOTOPY: f64 = 300.0;
 /// Descents from random controls at most.
@@ -79,7 +82,7 @@ pub(super) struct Ended {
     sequence: Sequence,
     pub rank: Rank,
     /// The result, without what was built.
-    result: Rc<OcpResult>,
+    pub result: Rc<OcpResult>,
     /// The phases of the solution that it was next to.
     before: Option<Rc<moves::Sequence>>,
     /// Where descents on simulations lead that begin at it.
@@ -90,6 +93,8 @@ pub(super) struct Ended {
     pub certified: bool,
     /// What a descent on simulations says of it, where derivatives do not.
     pub still: Option<Verdict>,
+    /// Was it compared with a simulation of its controls?
+    verified: bool,
 }
 
 pub(super) type Candidate = search::Candidate<Sequence, Motion>;
@@ -112,6 +117,7 @@ pub(super) struct Filippov<'a> {
     last: Option<Box<OcpResult>>,
     guessed: bool,
     sampler: Sampler,
+    numbers: SplitMix64,
     drawn: usize,
     largest: f64,
     /// Seconds to build problems.
@@ -141,6 +147,7 @@ impl<'a> Filippov<'a> {
             last,
             guessed: false,
             sampler: Sampler::new(ocp.settings.search_seed as u64),
+            numbers: SplitMix64::new(ocp.settings.search_seed as u64),
             drawn: 0,
             largest: 0.0,
             time_build: 0.0,
@@ -223,10 +230,9 @@ impl<'a> Filippov<'a> {
             };
             let from = self.with(self.ocp.within_bounds(controls));
             // lengths, parameters and initial states are those of the start and random ones in turn
-            let seed = (self.drawn % 2 == 0).then_some(self.drawn as u64);
-            let Some((shot, evaluations)) = self.ocp.shot(&self.template.0, &from, &self.known, seed)? else {
-                return Ok(Vec::new());
-            };
+            let numbers = (self.drawn % 2 == 0).then_some(&mut self.numbers);
+            let shot = self.ocp.shot(&self.template.0, &from, &self.known, numbers)?;
+            let Some((shot, evaluations)) = shot else { return Ok(Vec::new()) };
             budget.simulated(self.template.0.problem.n(), evaluations);
             let Some(shot) = shot else { return Ok(vec![nothing()]) };
             let Some(path) = self.along(&shot.moved, LOWEST, true)? else { return Ok(vec![nothing()]) };
@@ -317,6 +323,7 @@ impl<'a> Filippov<'a> {
             homotopy: false,
             certified: false,
             still: None,
+            verified: false,
             one: Rc::new(RefCell::new(one)),
         })
     }
@@ -348,6 +355,28 @@ impl<'a> Filippov<'a> {
                 continue;
             }
             s.lower.extend(self.along(&d.moved, LOWEST, true)?);
+        }
+        Ok(())
+    }
+}
+
+impl Filippov<'_> {
+    /// Of what costs the same, puts the first that is known to be an optimum before the others.
+    pub fn settle(&mut self, all: &mut [(Ended, Sequence)], budget: &mut Budget, control: &mut Control) -> Result<()> {
+        let Some(most) = all.first().map(|b| b.0.rank.cost + SAME * b.0.rank.cost.abs()) else { return Ok(()) };
+        for k in 0..all.len() {
+            let s = &mut all[k].0;
+            if !s.rank.feasible || s.rank.cost > most || stop::requested().is_some() {
+                break;
+            }
+            let has_built = s.one.borrow().built.is_some();
+            if !s.verified && has_built {
+                self.verify(s, budget, control)?;
+            }
+            if s.certified && !s.rank.contradicted && s.rank.cost <= most {
+                all[..=k].rotate_right(1);
+                break;
+            }
         }
         Ok(())
     }
@@ -413,7 +442,9 @@ impl Space for Filippov<'_> {
             }
             _ => {}
         }
-        if !ended.homotopy && (ended.rank.cost >= limits.cost || !ended.rank.feasible) {
+        // what costs as much may be known to be an optimum where the best is not
+        let dear = ended.rank.cost > limits.cost + SAME * limits.cost.abs();
+        if !ended.homotopy && (dear || !ended.rank.feasible) {
             // what is no candidate for the best keeps its result alone
             let one = &mut *ended.one.borrow_mut();
             (one.built, one.engine) = (None, None);
@@ -429,6 +460,7 @@ impl Space for Filippov<'_> {
     /// by what keeps clear of it.
     fn verify(&mut self, s: &mut Ended, budget: &mut Budget, control: &mut Control) -> Result<()> {
         self.use_idle(s, budget, control)?;
+        s.verified = true;
         let mut simulated = s.one.borrow_mut().simulated(&self.request)?;
         let elsewhere = s.one.borrow_mut().leads_elsewhere()?;
         let mut follows = !elsewhere && simulated.as_ref().is_none_or(Accuracy::follows);
@@ -450,9 +482,8 @@ impl Space for Filippov<'_> {
         let one = s.one.borrow();
         let costs = simulated.filter(|_| one.costs_compare()).map(|a| one.cost_in(&a));
         drop(one);
-        let differs = costs.filter(|c| !agree(*c, s.result.priced));
-        s.rank.contradicted = !follows || differs.is_some();
-        s.rank.cost = differs.unwrap_or(s.result.priced);
+        s.rank.contradicted = !follows || costs.is_some_and(|c| !agree(c, s.result.priced));
+        s.rank.cost = costs.unwrap_or(s.result.priced);
         self.descend(s, &o, budget)?;
         let optimum = |v: Verdict| matches!(v, Verdict::LocalOptimum | Verdict::Kink);
         s.certified = optimum(o.verdict) || s.still.is_some_and(optimum);

@@ -95,7 +95,6 @@ class OcpStart(Names):
     PORTFOLIO = 0
     HOMOTOPY = 1
     SMOOTHING = 2
-    RACE = 3
 
 
 class Portfolio(Names):
@@ -739,6 +738,7 @@ class swb_iteration_info(Structure):
         ("alpha_pr", c_double),
         ("trials", c_int64),
         ("phase", c_int64),
+        ("incumbent", c_double),
     ]
 
 

@@ -96,7 +96,8 @@ class LinearStats(_FromStruct):
 @dataclass(frozen=True)
 class Iteration:
     """One iteration of a solve. `phase` is ' ' main, 'r' restoration, 'p' polish, 'j' relaxation raised, 's' a step that
-    lowers the error as a whole, 'c' a linear program of a certificate, numbered on its own."""
+    lowers the error as a whole, 'c' a linear program of a certificate, numbered on its own. `incumbent` is the cost of the
+    best solution that a search around this solve has verified so far, infinite where there is none."""
 
     iter: int
     objective: float
@@ -111,6 +112,7 @@ class Iteration:
     alpha_pr: float
     trials: int
     phase: str
+    incumbent: float
 
     @classmethod
     def _of(cls, c: _ffi.swb_iteration_info) -> Iteration:

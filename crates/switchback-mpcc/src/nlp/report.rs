@@ -116,7 +116,7 @@ impl Statistics {
 }
 
 /// One line of the iteration log, in the columns Ipopt made familiar, with `σ` and the pairs' residual.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub struct IterationInfo {
     /// Iteration number.
     pub iter: usize,
@@ -145,6 +145,29 @@ pub struct IterationInfo {
     /// `' '` main phase, `'r'` restoration, `'p'` polish, `'j'` relaxation raised after a jam,
     /// `'s'` step that lowers the error as a whole, `'c'` a linear program of a certificate, numbered on its own.
     pub phase: u8,
+    /// Cost of the best solution that a search around this solve has verified so far; infinite where there is none.
+    pub incumbent: f64,
+}
+
+impl Default for IterationInfo {
+    fn default() -> Self {
+        IterationInfo {
+            iter: 0,
+            objective: 0.0,
+            inf_pr: 0.0,
+            inf_du: 0.0,
+            mu: 0.0,
+            sigma: 0.0,
+            inf_cc: 0.0,
+            step: 0.0,
+            delta_w: 0.0,
+            alpha_du: 0.0,
+            alpha_pr: 0.0,
+            trials: 0,
+            phase: 0,
+            incumbent: f64::INFINITY,
+        }
+    }
 }
 
 /// Phase of linear programs of certificates, whose iterations are none of the solve.
@@ -179,12 +202,26 @@ impl Control<'_> {
     }
 
     fn marked<R>(&mut self, phase: u8, body: impl FnOnce(&mut Control) -> R) -> R {
+        self.with_info(|i| IterationInfo { phase, ..*i }, body)
+    }
+
+    /// Runs `body` with a control that reports every iteration with the cost of the best solution so far.
+    pub fn with_incumbent<R>(&mut self, incumbent: f64, body: impl FnOnce(&mut Control) -> R) -> R {
+        self.with_info(|i| IterationInfo { incumbent, ..*i }, body)
+    }
+
+    /// Runs `body` with a control whose monitor is told what `of` makes of an iteration.
+    fn with_info<R>(
+        &mut self,
+        of: impl Fn(&IterationInfo) -> IterationInfo,
+        body: impl FnOnce(&mut Control) -> R,
+    ) -> R {
         let stop = self.stop.clone();
         match &mut self.monitor {
             None => body(&mut Control::of(stop)),
             Some(monitor) => {
-                let mut marked = |i: &IterationInfo| monitor(&IterationInfo { phase, ..*i });
-                body(&mut Control { stop, monitor: Some(&mut marked) })
+                let mut told = |i: &IterationInfo| monitor(&of(i));
+                body(&mut Control { stop, monitor: Some(&mut told) })
             }
         }
     }

@@ -248,20 +248,18 @@ impl InitialGuess {
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OcpStart {
-    /// Smoothed problems lead to mode sequences, several of which are solved. The homotopy from the guess follows where these do not agree on a certified solution, or constraints on the way are not linear. The cheapest solution is kept.
+    /// All ways in one race: the guess, smoothed problems, descents on simulations from random controls, and the homotopy. Each has its share of the work, and what gains has more. The cheapest solution that a simulation confirms is kept.
     Portfolio = 0,
     /// The homotopy from the guess alone.
     Homotopy = 1,
-    /// Smoothed problems alone; the homotopy only where they lead to no solution.
+    /// Smoothed problems and sequences next to their solutions; the homotopy only where they lead to no solution.
     Smoothing = 2,
-    /// All ways in one race: the guess, smoothed problems, descents on simulations from random controls, and the homotopy. Each has its share of the work, and what gains has more.
-    Race = 3,
 }
 
 impl OcpStart {
     /// Value names, by value.
-    pub const NAMES: &'static [&'static str] = &["portfolio", "homotopy", "smoothing", "race"];
-    const ALL: [OcpStart; 4] = [OcpStart::Portfolio, OcpStart::Homotopy, OcpStart::Smoothing, OcpStart::Race];
+    pub const NAMES: &'static [&'static str] = &["portfolio", "homotopy", "smoothing"];
+    const ALL: [OcpStart; 3] = [OcpStart::Portfolio, OcpStart::Homotopy, OcpStart::Smoothing];
 
     /// Value of this number; `None` outside the enumeration.
     pub fn from_i64(value: i64) -> Option<Self> {
@@ -1727,7 +1725,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         kind: Kind::Enum(OcpStart::NAMES),
         default: 0.0,
         min: Closed(0.0),
-        max: Closed(3.0),
+        max: Closed(2.0),
         symbol: "",
         doc: "Search for the solution of an optimal control problem (enum ocp_start).",
         setup_only: false,
