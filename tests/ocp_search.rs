@@ -41,7 +41,7 @@ fn poor_sequence() -> ModeSequence {
 /// The cost of the best solution so far is told with every iteration, it never rises, and a solve that is stopped returns that solution.
 #[test]
 fn the_cost_of_the_incumbent_is_told_and_kept() {
-    let mut o = sliding_ocp(&settings(RadauIia, 2, 6, FESD));
+    let mut o = sliding_ocp(&Settings { ocp_start: OcpStart::Portfolio as i64, ..settings(RadauIia, 2, 6, FESD) });
     let mut told = Vec::new();
     let mut monitor = |i: &IterationInfo| {
         told.push(i.incumbent);
@@ -66,7 +66,8 @@ fn the_cost_of_the_incumbent_is_told_and_kept() {
 #[test]
 fn a_race_of_all_sources_finds_the_best_optimum() {
     for n_s in [2, 3] {
-        let mut o = sliding_ocp(&settings(RadauIia, n_s, 6, FESD));
+        let set = Settings { ocp_start: OcpStart::Portfolio as i64, ..settings(RadauIia, n_s, 6, FESD) };
+        let mut o = sliding_ocp(&set);
         let r = solve(&mut o);
         assert!((r.cost - 9.149_601_87).abs() < 1e-6, "n_s = {n_s}: {}", r.cost);
         assert_eq!(r.optimality.unwrap().verdict, Verdict::LocalOptimum);
