@@ -34,7 +34,7 @@
 //! let run = simulate(&system, &Options::default(), 0.0, &[-1.0], 2.0).unwrap();
 //! assert!((run.x[0] - 5.0 / 3.0).abs() < 1e-14);
 //! assert_eq!(run.switches[0].kind, Kind::Cross);
-//! assert!((run.switches[0].t - 1.0 / 3.0).abs() < 1e-15);
+//! assert!((run.switches[0].t - 1.0 / 3.0).abs() < 1e-14);
 //! ```
 
 mod adjoint;
