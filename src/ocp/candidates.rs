@@ -70,11 +70,12 @@ impl Ocp {
 
     /// The simulation of the controls of the last answer from the start to the end; `None` without an answer, or without the time.
     pub(super) fn simulated(&mut self, request: &Request) -> Result<Option<Accuracy>> {
-        let (Some(b), Some(r)) = (self.built.take(), self.result.take()) else { return Ok(None) };
+        let (Some(b), Some(mut r)) = (self.built.take(), self.result.take()) else { return Ok(None) };
         let comparison = Comparison { tol: self.settings.accuracy_tol, by_stage: false };
         let w = b.solver.solution().x.clone();
         let params = b.extended.params.clone();
         let found = self.compare(&r, &b.problem, &w, &b.extended, &params, comparison, &request.options);
+        r.accuracy = found.as_ref().ok().cloned();
         (self.built, self.result) = (Some(b), Some(r));
         match found {
             Ok(a) => Ok(Some(a)),

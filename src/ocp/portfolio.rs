@@ -6,7 +6,7 @@ use super::candidates::Candidates;
 use super::moves::NOTHING;
 use super::optimality::Verdict;
 use super::request::Request;
-use super::solve::Start;
+use super::solve::{Before, Start};
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::mpcc::Polish;
@@ -93,7 +93,9 @@ impl Ocp {
         self.measured = Some(found.known.clone());
         self.largest = self.largest.max(cost.abs());
         self.builds += builds;
-        let reported = self.report(&mut b, &stage_params, (Statistics::default(), None), request, control);
+        let accuracy = before.as_ref().and_then(|r| r.accuracy.clone());
+        let known = Before { stats: Statistics::default(), cut: None, accuracy };
+        let reported = self.report(&mut b, &stage_params, known, request, control);
         self.built = Some(b);
         let mut r = reported?;
         // where there is no time to judge it again

@@ -98,6 +98,16 @@ pub(super) fn bounded<R>(request: &Request, control: &mut Control, body: impl Fn
     allowance::within(most, || control.within(request.options.max_time, body))
 }
 
+/// What is known of an answer before it is reported.
+pub(super) struct Before {
+    /// What programs have taken that led to it.
+    pub stats: Statistics,
+    /// Why the search for it was cut, where it was.
+    pub cut: Option<Why>,
+    /// A simulation of its controls.
+    pub accuracy: Option<Accuracy>,
+}
+
 impl Ocp {
     /// The problem with its own parameters and controls.
     pub(super) fn extended(&self) -> Result<Extended> {
@@ -338,7 +348,7 @@ impl Ocp {
             let before = self.solve_discretised(b, &given, start, request, control);
             (before, stop::requested())
         });
-        self.report(b, &given.stage_params, (before?, cut), request, control)
+        self.report(b, &given.stage_params, Before { stats: before?, cut, accuracy: None }, request, control)
     }
 
     /// Writes data and options into what was built.
@@ -484,17 +494,21 @@ impl Ocp {
         &mut self,
         b: &mut Built,
         stage_params: &[f64],
-        (before, cut): (Statistics, Option<Why>),
+        Before { stats, cut, accuracy }: Before,
         request: &Request,
         control: &mut Control,
     ) -> Result<OcpResult> {
         let Built { problem, solver, extended, .. } = b;
         let solution = solver.solution();
         let mut result = self.read(problem, solution, extended, stage_params);
-        result.stats.add(&before);
+        result.stats.add(&stats);
         if let Some(c) = request.comparison {
             let options = &request.options;
-            result.accuracy = Some(self.compare(&result, problem, &solution.x, extended, stage_params, c, options)?);
+            // where there is no time to simulate again
+            result.accuracy = match accuracy.filter(|_| stop::requested().is_some()) {
+                Some(known) => Some(known),
+                None => Some(self.compare(&result, problem, &solution.x, extended, stage_params, c, options)?),
+            };
             result.optimality = Some(self.judge_in_time(&result, b)?);
             self.withhold_verdict(&mut result);
         }
