@@ -389,8 +389,8 @@ fn limits_of_time_and_control_are_reached_at_ends_of_stages() {
 }
 
 /// A press that comes to rest for a moment on its way, where friction would hold it had it been slower: less speed is lost on the one side than
-/// on the other, and the derivatives of neither side vanish. Programs next to rest are nearly degenerate, and starts that differ by rounding
-/// end at solutions whose costs differ by 1e-5, with and without a verdict: what is said to be a kink is one, and some are found.
+/// on the other, and the derivatives of neither side vanish. Programs next to rest are nearly degenerate, and their solution goes below rest
+/// between two points of the method: a solution that keeps clear of rest costs less in a simulation. So it is from starts that differ by rounding.
 #[test]
 fn what_would_be_held_by_friction_touches_rest() {
     let g = Graph::new();
@@ -400,7 +400,6 @@ fn what_would_be_held_by_friction_touches_rest() {
     let rhs = [v, 5.0 * p - 0.8 * v - workpiece - 0.2 * v.sign(), 3.0 * (flow - v) - 0.2 * p];
     let system = Model::from_rhs("press", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
     let d = Dims { x: 3, u: 1, p: 0 };
-    let mut kinks = 0;
     for k in 0..6 {
         let mut o = Ocp::new(&system, 2.0, 10, &Settings { n_fe: 3, ..Settings::default() }).unwrap();
         o.set_x0(&[0.0, 0.01 * (1.0 + 1e-9 * k as f64), 0.0]).unwrap();
@@ -409,16 +408,10 @@ fn what_would_be_held_by_friction_touches_rest() {
         o.set_mayer(function(&g, d, &[20.0 * (q - 0.7) * (q - 0.7) + v * v])).unwrap();
         let (r, o) = solve(&mut o);
         assert!(r.cost < 0.004407, "{k}: {}", r.cost);
-        if o.verdict != Verdict::Kink {
-            assert!(o.verdict == Verdict::Unknown && !o.reason.is_empty(), "{k}: {o:?}");
-            continue;
-        }
-        kinks += 1;
-        let [k] = o.kinks[..] else { panic!("{o:?}") };
-        assert!(o.reason.is_empty() && o.residual < 1e-4, "{o:?}");
-        assert!(k.touch && k.t < 1.9 && k.before > 0.0 && k.after > 0.0, "{k:?}");
+        // the distance that is kept from rest leaves 9.4e-5
+        assert!(o.verdict == Verdict::Kink && o.reason.is_empty() && o.residual < 2e-4, "{k}: {o:?}");
+        assert!(o.kinks.iter().all(|k| k.touch && k.t < 1.9 && k.before > 0.0 && k.after > 0.0), "{o:?}");
     }
-    assert!(kinks > 0);
 }
 
 /// A cart is fastest where the road turns upwards: the bound on its speed acts at a switch, whose time the controls change.

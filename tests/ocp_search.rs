@@ -58,7 +58,12 @@ fn the_cost_of_the_incumbent_is_told_and_kept() {
             left > 0
         };
         let r = o.solve(&mut Control { monitor: Some(&mut monitor), ..Control::default() }).unwrap();
-        assert!(r.outcome == Outcome::Stopped && r.cost <= known + 1e-6 * known.abs(), "{k}: {:?} {}", r.outcome, r.cost);
+        assert!(
+            r.outcome == Outcome::Stopped && r.cost <= known + 1e-6 * known.abs(),
+            "{k}: {:?} {}",
+            r.outcome,
+            r.cost
+        );
         // it was compared with a simulation before it counted, and that is told
         assert!(r.accuracy.as_ref().is_some_and(|a| a.cost_error.abs() < 1e-6), "{k}: {}", r.message);
     }

@@ -89,6 +89,11 @@ impl Ocp {
         Ok(None)
     }
 
+    /// Is the last answer on the other side of a surface that it touches, between the points of the method?
+    pub(super) fn dips(&self) -> bool {
+        self.pieces(SHARES[0]).is_some_and(|pieces| pieces.iter().any(|p| p.dip.is_some()))
+    }
+
     /// Do the controls of the last answer lead elsewhere, in one of the stages?
     pub(super) fn leads_elsewhere(&mut self) -> Result<bool> {
         Ok(self.judged()?.is_some_and(|o| o.reason == OTHER))

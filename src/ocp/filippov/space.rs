@@ -5,14 +5,13 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::rc::Rc;
 
+use super::SAME;
 use crate::dcs::{Across, Dcs};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::mpcc::{Polish, Solution};
 use crate::nlp::{Control, Nlp, Outcome};
-use crate::random::SplitMix64;
 use crate::ocp::accuracy::Accuracy;
-use super::SAME;
 use crate::ocp::candidates::agree;
 use crate::ocp::moves;
 use crate::ocp::optimality::{Optimality, Verdict, OTHER};
@@ -21,6 +20,7 @@ use crate::ocp::sequence::{Room, Traced, LOWEST, NEAR, ROUGH};
 use crate::ocp::smoothing::Smoother;
 use crate::ocp::solve::{Built, Start};
 use crate::ocp::{Ocp, OcpResult};
+use crate::random::SplitMix64;
 use crate::search::{
     self, watched, Budget, EarlyTermination, Limits, Neighbour, Patience, Rank, Sampler, Source, Space,
 };
@@ -464,18 +464,21 @@ impl Space for Filippov<'_> {
         let mut simulated = s.one.borrow_mut().simulated(&self.request)?;
         let elsewhere = s.one.borrow_mut().leads_elsewhere()?;
         let mut follows = !elsewhere && simulated.as_ref().is_none_or(Accuracy::follows);
-        if !follows {
+        if !follows || s.one.borrow().dips() {
             let one = s.one.clone();
             let mut spent = Vec::new();
             let clear =
                 one.borrow().keep_clear(&self.request, &mut |r| spent.push((r.dimensions.0, r.stats)), control)?;
             spent.iter().for_each(|(n, stats)| budget.solved(*n, stats));
-            if let Some(clear) = clear {
-                let r = clear.last_result()?.clone();
-                s.rank = r.rank(r.priced, self.largest);
-                (s.result, s.one) = (Rc::new(r), Rc::new(RefCell::new(clear)));
-                follows = true;
-                simulated = s.one.borrow_mut().simulated(&self.request)?;
+            if let Some(mut clear) = clear {
+                let again = clear.simulated(&self.request)?;
+                let cost = |one: &Ocp, a: &Option<Accuracy>| a.as_ref().map_or(f64::INFINITY, |a| one.cost_in(a));
+                if !follows || cost(&clear, &again) < cost(&one.borrow(), &simulated) {
+                    let r = clear.last_result()?.clone();
+                    s.rank = r.rank(r.priced, self.largest);
+                    (s.result, s.one) = (Rc::new(r), Rc::new(RefCell::new(clear)));
+                    (follows, simulated) = (true, again);
+                }
             }
         }
         let Some(o) = s.one.borrow_mut().judged()? else { return Ok(()) };
