@@ -1152,7 +1152,7 @@ table (`swb_option_range`).
 - `search_seed`: Seed of the random controls of a search.
 - `search_exact`: Work of an exact search over choices at most, in variables of a program times iterations, or states times steps of simulations; 0: none.
 - `dense_steps`: Dense output keeps at least so many of the last steps, and at most a quarter more: older ones are dropped; 0: all.
-- `branch_work`: Work of a branch and bound over the branches of a program with linear rows and a convex quadratic objective at most, in entries of tableaus; 0: none. Where it is enough the solution is global, with proof, or the program is shown to be infeasible.
+- `branch_work`: Work of a branch and bound over the branches of a program with linear rows and a convex quadratic objective at most, in entries of tableaus; 0: none. Where it is enough the solution is global, with proof, or the program is shown to be infeasible. Other programs get a tenth of it for every model of them that is searched for better branches.
 """
 struct swb_settings
     struct_size::UInt64

@@ -14,8 +14,11 @@ mod program;
 use switchback_mpcc::mpcc::{BStationarity, FoundBy, Lifted, Mpcc, MpccSettings, MpccSolver, Solution};
 use switchback_mpcc::nlp::{Control, Nlp, Outcome};
 
-use draw::{complementarity, draw, in_units};
+use draw::{bend, complementarity, draw, in_units};
 use enumerate::enumerate;
+
+/// The first seed of programs for models.
+const SEEDS: u64 = 400;
 
 /// The solution of a drawn program, and the least objective of its branches.
 fn solve(kind: &str, seed: u64, settings: MpccSettings) -> (Solution, f64) {
@@ -98,6 +101,39 @@ fn a_short_search_proves_what_it_can() {
         open += usize::from(bound < s.objective - room);
     }
     assert!(open > 0, "the work was enough for all");
+}
+
+/// Where objectives are no quadratic ones models lead from the solution of the path to better branches: to the best one, mostly.
+#[test]
+fn models_lead_to_better_branches() {
+    let (mut better, mut global, mut all) = (0, 0, 0);
+    for kind in ["lpcc", "sparse"] {
+        for seed in SEEDS..SEEDS + 8 {
+            let program = bend(draw(kind, seed, Some(5)), kind, seed);
+            let mut p = Lifted::new(program.clone(), &program.pairs).unwrap();
+            let bounds = p.bounds(&program.bounds).unwrap();
+            let x0 = p.start(&program.x0);
+            let mut of = |branch_work: f64| {
+                let settings = MpccSettings { branch_work, ..MpccSettings::default() };
+                let mut solver = MpccSolver::new(&mut p, settings).unwrap();
+                solver.solve(&mut p, &bounds, &x0, &mut Control::default()).clone()
+            };
+            let (path, found) = (of(0.0), of(MpccSettings::default().branch_work));
+            let least = enumerate(&program, &mut p, &bounds);
+            if path.outcome != Outcome::Solved {
+                continue;
+            }
+            let room = 1e-6 * least.abs().max(1.0);
+            assert_eq!((found.outcome, found.certificate.b), (Outcome::Solved, BStationarity::Yes), "{kind} {seed}");
+            assert!(found.objective <= path.objective + room, "{kind} {seed}: worse");
+            assert!(found.objective >= least - room, "{kind} {seed}: {} below {least}", found.objective);
+            let fell = found.objective < path.objective - room;
+            assert_eq!(found.found_by, if fell { FoundBy::Models } else { path.found_by }, "{kind} {seed}");
+            (better, all) = (better + usize::from(fell), all + 1);
+            global += usize::from(found.objective <= least + room);
+        }
+    }
+    assert!(better > 1 && 10 * global >= 9 * all, "{better} better, {global} of {all} global");
 }
 
 /// Linear complementarity problems end at a solution without a path: strictly copositive ones, on which one takes up to thousands of iterations.

@@ -371,6 +371,26 @@ fn inverse(d: &mut Draw, k: usize) -> Program {
     p
 }
 
+/// The program with an objective that is bent by exponentials of its variables, and so are the conditions of a follower: branches that were
+/// convex programs stay ones, but none is quadratic.
+pub fn bend(mut program: Program, kind: &str, seed: u64) -> Program {
+    let mut d = Draw(SplitMix64::new(seed.wrapping_mul(64).wrapping_add(63)));
+    d.0.share();
+    let n = program.x0.len();
+    for j in 0..n {
+        let slope = 0.4 * d.sign();
+        program.objective = program.objective.exp(d.within(0.0, 1.0), slope, j);
+    }
+    if kind == "bilevel" {
+        let equations = (0..program.rows.len()).filter(|i| program.bounds.cl[*i] == program.bounds.cu[*i]).count();
+        let first = n - equations - program.pairs.len();
+        for (i, row) in program.rows.iter_mut().take(equations).enumerate() {
+            *row = row.clone().exp(d.within(0.0, 2.0), d.within(0.1, 0.5), first + i);
+        }
+    }
+    program.finish()
+}
+
 /// Kinds of linear complementarity problems.
 pub const COMPLEMENTARITY: [&str; 5] = ["positive", "monotone", "copositive", "indefinite", "banded"];
 

@@ -16,6 +16,8 @@
 //! `--units K` gives objective, rows and variables units of their own, drawn from `10^-K` to `10^K`; optima stay those of the program as it was
 //! drawn. The certificate is then judged where K is 0 alone, as its tolerances are those of a scaling.
 //!
+//! `--bend` adds exponentials to objectives and to the conditions of followers, so that no branch is a quadratic program.
+//!
 //! `--pairs K` draws programs of so many pairs; those of more than 12 are not enumerated, and only what can be judged without is.
 //!
 //! Every word is judged: rows and pairs evaluated anew, B-stationarity by linear programs over all branches at the point,
@@ -36,7 +38,7 @@ use switchback_mpcc::mpcc::{BStationarity, Lifted, Mpcc, MpccSettings, MpccSolve
 use switchback_mpcc::nlp::{Bounds, Control, Nlp, Outcome, INFINITE};
 use switchback_mpcc::settings::Portfolio;
 
-use draw::{complementarity, draw, in_units, COMPLEMENTARITY, KINDS};
+use draw::{bend, complementarity, draw, in_units, COMPLEMENTARITY, KINDS};
 use enumerate::{enumerate, holds, linear_rows, Lift};
 
 /// Violation of rows, bounds and pairs of a point that is one, relative to bounds above one.
@@ -55,7 +57,7 @@ fn main() {
         Some("run") => run(&args[1..]),
         Some("lcp") => run_complementarity(&args[1..]),
         Some("compare") if args.len() == 3 => compare(&read(&args[1]), &read(&args[2])),
-        _ => eprintln!("usage: families run [--seed S] [--count N] [--kinds a,b] [--set KEY=VALUE] [--reference FILE] [--units K] [--pairs K] | lcp [--sizes 10,50] [--seed S] [--count N] [--kinds a,b] [--set KEY=VALUE] | compare OLD NEW"),
+        _ => eprintln!("usage: families run [--seed S] [--count N] [--kinds a,b] [--set KEY=VALUE] [--reference FILE] [--units K] [--pairs K] [--bend] | lcp [--sizes 10,50] [--seed S] [--count N] [--kinds a,b] [--set KEY=VALUE] | compare OLD NEW"),
     }
 }
 
@@ -92,6 +94,7 @@ fn run(args: &[String]) {
     let settings = settings(args);
     let pairs: Option<usize> = option(args, "--pairs").map(|s| s.parse().expect("a number"));
     let units: i32 = option(args, "--units").map_or(0, |s| s.parse().expect("a number of digits"));
+    let bent = args.iter().any(|a| a == "--bend");
     let file = option(args, "--reference");
     let mut known: HashMap<(String, u64), f64> = HashMap::new();
     for line in file.and_then(|f| std::fs::read_to_string(f).ok()).unwrap_or_default().lines() {
@@ -101,7 +104,8 @@ fn run(args: &[String]) {
     println!("kind\tseed\tpairs\toutcome\tfound\tbest\titerations\tmicroseconds\tclaims\tfalse");
     for kind in kinds {
         for seed in seed..seed + count {
-            let program = draw(kind, seed, pairs);
+            let drawn = draw(kind, seed, pairs);
+            let program = if bent { bend(drawn, kind, seed) } else { drawn };
             let mut p = Lifted::new(program.clone(), &program.pairs).expect("pairs");
             let b = p.bounds(&program.bounds).expect("bounds");
             let best = *known.entry((kind.to_string(), seed)).or_insert_with(|| {

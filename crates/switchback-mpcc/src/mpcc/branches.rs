@@ -155,6 +155,28 @@ impl Branches<'_> {
         Some(part)
     }
 
+    /// The linearised rows of a program at a point `x` with rows `c[m]` and Jacobian `jac[nnz]`.
+    pub fn linearised<'a>(
+        p: &dyn Mpcc,
+        pairs: &'a [(usize, usize)],
+        bounds: Bounds,
+        x: &[f64],
+        (c, jac): (&[f64], &[f64]),
+    ) -> Branches<'a> {
+        let (n, m) = (p.n(), p.m());
+        let (mut rows, mut constants) = (vec![0.0; m * n], c.to_vec());
+        for j in 0..n {
+            for k in p.jac_pattern().range(j) {
+                let i = p.jac_pattern().row_idx()[k];
+                rows[i * n + j] += jac[k];
+                constants[i] -= jac[k] * x[j];
+            }
+        }
+        let sides = (0..m).map(|i| (bounds.cl[i] - constants[i], bounds.cu[i] - constants[i])).collect();
+        let groups = (0..pairs.len()).map(|k| p.group(k)).collect();
+        Branches { pairs, groups, n_groups: p.n_groups(), n, bounds, rows, sides, complete: false }
+    }
+
     /// The point within the bounds next to `x`.
     pub fn inside(&self, x: &[f64]) -> Vec<f64> {
         inside(&self.bounds, x)

@@ -90,7 +90,7 @@ impl MpccSolver {
         let pure = p.pairs().is_empty();
         let s = &self.solution;
         let exact = s.outcome == Outcome::Solved && (pure || s.certificate.stationarity == Stationarity::S);
-        let asked = self.settings.certify && exact && (pure || !p.is_discretised());
+        let asked = self.settings.certify && exact && (pure || self.policy.free_pairs);
         if !asked || stop::requested().is_some() || !self.affords(FACTORISATIONS) {
             return;
         }

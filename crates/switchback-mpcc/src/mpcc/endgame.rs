@@ -249,7 +249,7 @@ impl MpccSolver {
         self.close = true;
         self.identify(p);
         let clear = self.doubt(0) <= if early { EARLY_CLEAR } else { CLEAR };
-        let mut ok = (!early || (clear && !p.is_discretised())) && self.settle_branch(p, bounds, control);
+        let mut ok = (!early || (clear && self.policy.early)) && self.settle_branch(p, bounds, control);
         if !early {
             ok = ok || self.try_branch(p, bounds, control);
             for k in 0.. {
@@ -388,7 +388,7 @@ impl MpccSolver {
     /// rounding of the function times the multiplier, so that a point far out is a worse solution than one near by.
     fn draw_back(&mut self, p: &dyn Mpcc) -> bool {
         let lifts = p.lifts();
-        if lifts.is_empty() || p.is_discretised() {
+        if lifts.is_empty() || !self.policy.free_pairs {
             return false;
         }
         let ActiveSet { at, found, terms, rounding, .. } = &mut self.active;
@@ -418,7 +418,7 @@ impl MpccSolver {
         let mut ok = false;
         for _ in 0..ROUNDS {
             self.active.bounds(&mut self.bounds);
-            let mut rule = Settle::new(self.settings.polish_tol, consistency(p), self.st.scaling.steepness());
+            let mut rule = Settle::new(self.settings.polish_tol, self.policy.consistency, self.st.scaling.steepness());
             let at = std::mem::replace(&mut self.active.at, Iterate::zeros(0, 0));
             let outcome = self.run(p, Start::Warm(&at, 0.0), &mut rule, control, b'p');
             self.active.at = at;
@@ -444,7 +444,7 @@ impl MpccSolver {
         }
         self.active.bounds(&mut self.bounds);
         self.ipm.settings_mut().restoration = false;
-        let mut rule = Settle::new(self.settings.polish_tol, consistency(p), self.st.scaling.steepness());
+        let mut rule = Settle::new(self.settings.polish_tol, self.policy.consistency, self.st.scaling.steepness());
         let at = std::mem::replace(&mut self.active.at, Iterate::zeros(0, 0));
         let outcome = self.run(p, Start::Warm(&at, 0.0), &mut rule, &mut Control::default(), b'p');
         self.active.at = at;
@@ -554,18 +554,9 @@ impl MpccSolver {
 
     /// A problem whose last digits are lost to rounding, or to data that are not consistent, counts as solved.
     fn nearly_solved(&mut self, p: &mut dyn Mpcc, dual_tol: f64) -> bool {
-        let primal_tol = consistency(p).max(self.settings.polish_tol);
+        let primal_tol = self.policy.consistency.max(self.settings.polish_tol);
         let r = self.ipm.residuals(&Relaxed { inner: p, st: &mut self.st });
         r.primal <= primal_tol && r.dual <= dual_tol && r.complementarity <= 1e-8
-    }
-}
-
-/// Violation up to which the rows of a branch problem count as consistent: data from outside are rarely better.
-fn consistency(p: &dyn Mpcc) -> f64 {
-    if p.is_discretised() {
-        0.0
-    } else {
-        1e-8
     }
 }
 

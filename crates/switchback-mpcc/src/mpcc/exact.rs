@@ -100,6 +100,23 @@ impl Convex {
         Some(convex)
     }
 
+    /// The model `f + gᵀ(x − x̄) + ½ (x − x̄)ᵀQ(x − x̄)` at the point `x̄`, with the entries of both triangles of `Q`. What is not semidefinite
+    /// is left out of it.
+    pub fn model(f: f64, gradient: &[f64], pattern: &Pattern, hess: &[f64], x: &[f64]) -> Option<Convex> {
+        let n = x.len();
+        let mut entries = both_triangles(pattern, hess);
+        if entries.iter().map(|e| e.2).chain(gradient.iter().copied()).any(|v| !v.is_finite()) {
+            return None;
+        }
+        if !is_semidefinite(n, &entries) {
+            entries = semidefinite_part(n, &entries);
+        }
+        let mut linear = gradient.to_vec();
+        entries.iter().for_each(|&(i, j, q)| linear[i] -= q * x[j]);
+        let quadratic = Quadratic::new(entries, linear);
+        Some(Convex { constant: f - quadratic.value(x), quadratic })
+    }
+
     /// The objective, where it is the same everywhere.
     pub fn is_constant(&self) -> Option<f64> {
         self.quadratic.is_zero().then_some(self.constant)
@@ -110,7 +127,7 @@ impl Convex {
     }
 
     /// What differences of objectives are compared with.
-    fn size(&self, x: &[f64]) -> f64 {
+    pub fn size(&self, x: &[f64]) -> f64 {
         self.constant.abs().max(self.quadratic.terms(x))
     }
 }
@@ -172,6 +189,33 @@ fn is_semidefinite(n: usize, entries: &[(usize, usize, f64)]) -> bool {
     true
 }
 
+/// The nearest positive semidefinite matrix: without the eigenvalues that are negative.
+fn semidefinite_part(n: usize, entries: &[(usize, usize, f64)]) -> Vec<(usize, usize, f64)> {
+    let mut place = vec![usize::MAX; n];
+    let mut rows: Vec<usize> = entries.iter().map(|e| e.0).collect();
+    rows.sort_unstable();
+    rows.dedup();
+    rows.iter().enumerate().for_each(|(k, i)| place[*i] = k);
+    let k = rows.len();
+    let mut a = nalgebra::DMatrix::zeros(k, k);
+    entries.iter().for_each(|&(i, j, q)| a[(place[i], place[j])] = q);
+    let eigen = a.symmetric_eigen();
+    let (values, vectors) = (eigen.eigenvalues, eigen.eigenvectors);
+    let largest = values.iter().fold(0f64, |a, v| a.max(*v));
+    let floor = SEMIDEFINITE * k as f64 * largest;
+    let kept: Vec<usize> = (0..k).filter(|i| values[*i] > floor).collect();
+    let mut part = Vec::new();
+    for i in 0..k {
+        for j in 0..k {
+            let q: f64 = kept.iter().map(|&v| values[v] * vectors[(i, v)] * vectors[(j, v)]).sum();
+            if q != 0.0 {
+                part.push((rows[i], rows[j], q));
+            }
+        }
+    }
+    part
+}
+
 /// Nodes from which a search is worth its work.
 const FEW: f64 = 4.0;
 
@@ -188,6 +232,8 @@ struct Search<'a, 'b> {
     lp: Simplex,
     proof: Proof,
     best: Option<Best>,
+    /// Objective from which on nothing is looked for.
+    ceiling: f64,
 }
 
 /// What a program of a node ended with.
@@ -254,9 +300,14 @@ impl Branches<'_> {
 
     /// The least objective `f` of all branches, by so much work at most, in entries of tableaus. All rows have to be linear.
     pub fn minimum(&self, f: &Convex, work: f64) -> Minimum {
+        self.below(f, f64::INFINITY, work)
+    }
+
+    /// The same of what is below an objective.
+    pub fn below(&self, f: &Convex, ceiling: f64, work: f64) -> Minimum {
         let mut lp = Simplex::beside(self.n, self.m(), self.rows.clone(), f.quadratic.rows());
         lp.allowed = work;
-        let mut s = Search { branches: self, f, lp, proof: Proof::default(), best: None };
+        let mut s = Search { branches: self, f, lp, proof: Proof::default(), best: None, ceiling };
         let mut stack = vec![Node { chosen: vec![None; self.n_groups], bound: f64::NEG_INFINITY }];
         let mut open = f64::INFINITY;
         while let Some(node) = stack.pop() {
@@ -278,7 +329,7 @@ impl Branches<'_> {
 impl Search<'_, '_> {
     /// Is a branch with this bound no better than the best point?
     fn is_beaten(&self, bound: f64) -> bool {
-        self.best.as_ref().is_some_and(|b| bound >= b.objective - BETTER * b.size)
+        bound >= self.ceiling || self.best.as_ref().is_some_and(|b| bound >= b.objective - BETTER * b.size)
     }
 
     fn solve(&mut self, chosen: &[Option<Side>]) -> Solved {
@@ -336,7 +387,7 @@ impl Search<'_, '_> {
     fn take(&mut self, all: &[Option<Side>]) {
         let x: Vec<f64> = self.lp.point().collect();
         let objective = self.f.value(&x);
-        if self.best.as_ref().is_some_and(|b| b.objective <= objective) {
+        if objective >= self.ceiling || self.best.as_ref().is_some_and(|b| b.objective <= objective) {
             return;
         }
         let sides = all.iter().map(|s| s.unwrap_or(Side::First)).collect();

@@ -39,8 +39,6 @@ pub struct Scholtes {
     solved: f64,
     /// Smallest reduction, after a rung that was too far.
     gentle: f64,
-    /// The relaxation of the rung that was taken back last, until the next one; 0: none.
-    failed: f64,
     /// Is this the program of a user? Of what knows its start, a discretisation, the ladder is as steep as it is.
     given: bool,
     /// Is the price of the first relaxation asked? Its objective has a scale that this can be compared with.
@@ -119,7 +117,6 @@ impl Scholtes {
             short: 0,
             solved: level.sigma,
             gentle: 0.0,
-            failed: 0.0,
             given: false,
             priced: false,
             enlarged: 0,
@@ -161,12 +158,7 @@ impl Scholtes {
 
     fn rung(&mut self, sigma: f64, mu: f64) -> Level {
         let s = &self.settings;
-        let mut next = (s.sigma_factor * sigma).min(sigma.powf(s.sigma_exponent)).max(self.gentle * sigma);
-        if self.given && self.stays <= 1 && next <= self.failed {
-            // the rung between was solved where it began: what failed from there would fail again
-            next = (sigma * self.failed).sqrt();
-        }
-        self.failed = 0.0;
+        let next = (s.sigma_factor * sigma).min(sigma.powf(s.sigma_exponent)).max(self.gentle * sigma);
         self.stays = 0;
         self.short = 0;
         self.solved = sigma;
@@ -233,7 +225,6 @@ impl Scholtes {
         self.stays = 0;
         self.short = 0;
         self.gentle = (sigma / self.solved).sqrt();
-        self.failed = sigma;
         let sigma = (sigma * self.solved).sqrt();
         Some(Level { sigma, mu: self.settings.mu_over_sigma * sigma })
     }

@@ -11,8 +11,6 @@ use crate::linalg::csc::Pattern;
 use crate::nlp::{within, Bounds, Control, Outcome};
 use crate::stop;
 
-/// Descents followed at most.
-const MAX_DESCENTS: usize = 10;
 /// Trust regions of the linearised problem, the wide one first.
 const RADII: [f64; 2] = [1e-2, 1e-4];
 /// Work of all certificates of a solve at most: a share of that of the solve so far, or what takes some hundredths of a
@@ -116,7 +114,7 @@ impl MpccSolver {
             return Certificate { doubt, ..Certificate::default() };
         }
         judge.bounds.copy_from(bounds);
-        if p.is_discretised() {
+        if self.policy.branch_fixes {
             p.branch(&s.sides, &mut judge.bounds);
             for j in p.pairs().iter().flat_map(|k| [k.0, k.1]) {
                 judge.bounds.xl[j] = bounds.xl[j];
@@ -143,7 +141,7 @@ impl MpccSolver {
         if self.judge.is_none() || !self.settings.certify {
             return;
         }
-        let descents = if p.is_discretised() { 0 } else { MAX_DESCENTS };
+        let descents = self.policy.descents;
         let mut spent = 0;
         let mut cert = Certificate::default();
         for k in 0..=descents {

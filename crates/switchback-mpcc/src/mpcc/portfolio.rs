@@ -7,7 +7,7 @@
 //!
 //! Which local optimum a path leads to is chance where there are several. With [`Portfolio::Agree`] paths on which the objective
 //! weighs differently follow a solution until two have the same objective, which is a sign that there are no others; the best one is
-//! kept, or what branches next to it lead to. Such a path ends where the solution of its relaxed problem is no better than the best answer: feasible sets shrink with
+//! kept. Such a path ends where the solution of its relaxed problem is no better than the best answer: feasible sets shrink with
 //! the relaxation, so that what follows on it is no better either.
 
 use super::branches::Place;
@@ -46,8 +46,8 @@ pub enum FoundBy {
     Heavy = 6,
     /// The path with an objective that weighs less than in `Heavy` and more than usual.
     Middle = 7,
-    /// A branch next to that of another answer, or next to one of those.
-    Neighbours = 8,
+    /// A branch that a model of the program at another answer promises to be better.
+    Models = 8,
     /// The path with factors of one instead of those by gradients, or the other way round.
     OtherScaling = 9,
     /// By branch and bound.
@@ -66,7 +66,7 @@ impl FoundBy {
             FoundBy::Feasible => "feasible",
             FoundBy::Heavy => "heavy",
             FoundBy::Middle => "middle",
-            FoundBy::Neighbours => "neighbours",
+            FoundBy::Models => "models",
             FoundBy::OtherScaling => "other_scaling",
             FoundBy::Branches => "branches",
         }
@@ -167,7 +167,7 @@ impl MpccSolver {
 
     /// May other strategies follow? Without a polish the answer is that of the relaxation that was asked for.
     pub(super) fn has_others(&self) -> bool {
-        self.settings.portfolio != Portfolio::Off && self.settings.polish
+        self.policy.goes_on && self.settings.portfolio != Portfolio::Off && self.settings.polish
     }
 
     /// Iterations of the path: those of others that may follow are kept.
@@ -207,7 +207,7 @@ impl MpccSolver {
                 FoundBy::Elastic => self.settings.relaxation == Relaxation::LinfPenalty,
                 FoundBy::Heavy => !self.settings.scaling,
                 FoundBy::OtherScaling => false,
-                FoundBy::Path | FoundBy::Feasible | FoundBy::Middle | FoundBy::Neighbours | FoundBy::Branches => true,
+                FoundBy::Path | FoundBy::Feasible | FoundBy::Middle | FoundBy::Models | FoundBy::Branches => true,
             };
             if useless {
                 continue;
@@ -274,8 +274,7 @@ impl MpccSolver {
         }
     }
 
-    /// Follows other paths than that of the solution, until two have answers of the same objective, and goes on from the best one to
-    /// branches next to it. The best answer is kept.
+    /// Follows other paths than that of the solution, until two have answers of the same objective. The best answer is kept.
     pub(super) fn compare(
         &mut self,
         p: &mut dyn Mpcc,
@@ -308,14 +307,6 @@ impl MpccSolver {
             if agrees {
                 break;
             }
-        }
-        if self.may_be_better() {
-            self.settings.max_iter = allowed.min(self.solution.stats.iterations + each);
-            if self.descend_over_branches(p, bounds, control) {
-                self.solution.found_by = FoundBy::Neighbours;
-                self.judge(p, bounds, control);
-            }
-            self.settings.max_iter = allowed;
         }
     }
 

@@ -10,6 +10,7 @@
 //! row, and the others in units of their own where those given are far apart ([`sizes`]). All factors are powers of two, chosen by exponents alone: an objective, a row or a function in a pair that is
 //! multiplied by a power of two leaves the iterates as they are, to the last bit.
 
+use super::policy::Policy;
 use super::problem::Mpcc;
 use super::sizes::{self, Terms};
 use crate::linalg::csc::Pattern;
@@ -142,7 +143,7 @@ impl Scaling {
         self.sized = self.sizes.iter().any(|s| *s != 1.0);
         self.rule = if self.sized {
             Rule::Sizes
-        } else if p.is_discretised() || p.pairs().is_empty() {
+        } else if !Policy::of(p).by_units || p.pairs().is_empty() {
             Rule::Steep
         } else {
             Rule::Units

@@ -14,9 +14,6 @@ use crate::stop;
 
 /// Improvements accepted at most.
 const MAX_IMPROVEMENTS: usize = 10;
-/// Neighbours of a solution that are tried, and the share of the steepest slope from which one leads down.
-const NEIGHBOURS: usize = 4;
-const DOWNHILL: f64 = 1e-6;
 /// Branches tried where none near the identified one has a solution, and how many of them next to one point.
 const MAX_RESCUES: usize = 40;
 const RESCUES_OF_A_POINT: usize = 12;
@@ -258,58 +255,6 @@ impl MpccSolver {
                 return;
             }
         }
-    }
-
-    /// Goes on to branches next to the one that was solved, in which one pair has its other side at zero, as long as the objective
-    /// falls. A solution whose pairs are strictly complementary is a local one, however much better the branch beside it is: the
-    /// pairs whose complementarity costs most are asked first.
-    /// True where it did.
-    pub(super) fn descend_over_branches(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
-        self.close = true;
-        let (mut near, mut fell) = (Vec::new(), false);
-        for _ in 0..MAX_IMPROVEMENTS {
-            let best = self.solution.objective;
-            self.rank_neighbours(p, &mut near);
-            let mut better = false;
-            for &(_, group) in near.iter().take(NEIGHBOURS) {
-                if stop::requested().is_some() || self.iterations_left() == 0 {
-                    break;
-                }
-                self.sides.copy_from_slice(&self.solution.sides);
-                self.sides[group] = self.sides[group].other();
-                let x = std::mem::take(&mut self.solution.x);
-                let ok = self.try_neighbour(p, bounds, &x, control);
-                self.solution.x = x;
-                better = ok && self.is_better(best);
-                if better {
-                    self.record_exact(p, control);
-                    break;
-                }
-            }
-            fell |= better;
-            if !better {
-                break;
-            }
-        }
-        self.close = false;
-        p.set_polishing(false);
-        fell
-    }
-
-    /// Groups in which a member that is zero would rise but for the other one, by the price of their complementarity, the highest
-    /// first: with the slope `z < 0` of the objective in the one and the value `d` of the other, `-z/d` is the multiplier of their
-    /// product. Listed is its reciprocal.
-    fn rank_neighbours(&self, p: &dyn Mpcc, out: &mut Vec<(f64, usize)>) {
-        out.clear();
-        let (s, scaling) = (&self.solution, &self.st.scaling);
-        for (k, &(a, b)) in p.pairs().iter().enumerate() {
-            let (zero, open) = if s.sides[p.group(k)] == Side::First { (a, b) } else { (b, a) };
-            let slope = scaling.bound_multiplier(zero, s.z[zero]);
-            if slope < -DOWNHILL * scaling.steepness() {
-                out.push((s.x[open].max(0.0) / scaling.sizes[open] / -slope, p.group(k)));
-            }
-        }
-        out.sort_unstable_by(|u, v| u.0.total_cmp(&v.0).then(u.1.cmp(&v.1)));
     }
 
     /// The neighbour just tried has no solution although its points are better than the best one: what vanishes there is

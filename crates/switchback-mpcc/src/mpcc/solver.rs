@@ -10,6 +10,7 @@ use super::homotopy::Spent;
 use super::judge::Judge;
 use super::path::Path;
 use super::penalties;
+use super::policy::Policy;
 use super::portfolio::FoundBy;
 use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, NoProposals};
@@ -67,18 +68,10 @@ pub struct Solution {
     pub stats: Statistics,
 }
 
-/// Relaxations at which an active set that leaves no doubt is tried, those of the rungs from a first relaxation of one; and the
-/// one of problems from discretisations, whose active sets are not tried before the first polish: it is left more exactly.
-const EARLY_POLISH: [f64; 4] = [0.1, 1e-2, 1e-3, 3.2e-5];
-const EARLY_DISCRETISED: f64 = 1e-3;
 /// Relaxation at which the polish is tried in any case; later only when that one is rejected.
 const FIRST_POLISH: f64 = 1e-6;
 /// Relaxation whose solution is kept: where no exact point is found and no smaller relaxation is solved, it is the answer.
 pub(super) const KEPT_RELAXATION: f64 = 3e-8;
-/// Barrier parameter at the end of the plateau. The first relaxed problem decides which local optimum is found: the
-/// better it is solved the better that is, and a start that knows nothing leaves it more to do.
-const PLATEAU: f64 = 1e-4;
-const PLATEAU_DISCRETISED: f64 = 1e-3;
 /// Iterations one branch gets: near a solution it takes a handful.
 const BRANCH_ITERATIONS: usize = 30;
 /// Estimated multipliers of a branch problem up to this multiple of the gradient they balance are kept. Its start nearly solves it, and where the cost is not
@@ -99,6 +92,8 @@ pub struct Warm<'a> {
 /// A solver for problems of one structure.
 pub struct MpccSolver {
     pub(super) st: Structure,
+    /// How programs of this kind are treated.
+    pub(super) policy: &'static Policy,
     pub(super) ipm: Ipm,
     /// Parameters, may be changed between solves.
     pub settings: MpccSettings,
@@ -144,6 +139,7 @@ impl MpccSolver {
         let ipm = Ipm::new(&Relaxed { inner: p, st: &mut st }, settings.ipm())?;
         Ok(MpccSolver {
             st,
+            policy: Policy::of(p),
             ipm,
             settings,
             bounds: Bounds::free(n_all, all),
@@ -262,26 +258,24 @@ impl MpccSolver {
             }
             p.set_polishing(false);
             self.certify_curvature(p, bounds);
-            if !p.is_discretised() && !self.is_part {
+            if self.policy.goes_on && !self.is_part {
                 self.ask_rows(p, bounds, x0, control);
             }
         } else {
             // relaxations that cut the corner have a saddle on the diagonal
             let interior = matches!(s.relaxation, Relaxation::Scholtes | Relaxation::RaghunathanBiegler);
-            let centre = s.centre_pairs && interior && !p.is_discretised();
-            let minimum = if p.is_discretised() { None } else { self.search_branches(p, bounds, x0) };
+            let centre = s.centre_pairs && interior && self.policy.free_pairs;
+            let minimum = self.search_branches(p, bounds, x0);
             let ended = minimum.as_ref().is_some_and(|m| self.end_by_branches(p, bounds, m, control, proposer));
             if !ended {
                 self.follow_and_go_on(p, bounds, x0, (interior, centre), control, proposer);
             }
-            if let Some(minimum) = &minimum {
-                if !ended {
-                    self.improve_by_branches(p, bounds, minimum, control, proposer);
-                } else {
-                    self.certify_by_branches(minimum);
-                }
+            match &minimum {
+                Some(minimum) if ended => self.certify_by_branches(minimum),
+                Some(minimum) => self.improve_by_branches(p, bounds, minimum, control, proposer),
+                None => self.descend_by_models(p, bounds, control),
             }
-            if !p.is_discretised() && !self.is_part {
+            if self.policy.goes_on && !self.is_part {
                 self.conclude(p, bounds, x0);
             }
         }
@@ -300,16 +294,14 @@ impl MpccSolver {
         proposer: &mut dyn ActiveSetProposer,
     ) {
         let allowed = self.settings.max_iter;
-        if !p.is_discretised() {
-            self.settings.max_iter = self.path_iterations();
-        }
+        self.settings.max_iter = self.path_iterations();
         self.follow(p, bounds, x0, centre, control, proposer);
         self.settings.max_iter = allowed;
-        if self.has_others() && !p.is_discretised() {
+        if self.has_others() {
             self.doubt_relaxed();
         }
         self.confirm(p, bounds, control);
-        if !p.is_discretised() {
+        if self.policy.goes_on {
             if !self.is_part {
                 self.confirm_ray(p, bounds, x0);
             }
@@ -447,28 +439,28 @@ impl MpccSolver {
     ) {
         let mut s = self.settings;
         if s.plateau_mu == 0.0 {
-            s.plateau_mu = if p.is_discretised() { PLATEAU_DISCRETISED } else { PLATEAU };
+            s.plateau_mu = self.policy.plateau;
         }
         // where the last stop was left
         let mut level: Option<Level> = None;
-        let mut stops = [FIRST_POLISH; EARLY_POLISH.len() + 3];
+        let early = &self.policy.stops;
+        let mut stops = [FIRST_POLISH; 7];
         let by_penalties = self.st.strategy().sequence() == Sequence::Penalty && s.homotopy == Homotopy::Outer;
-        let keeps = !p.is_discretised() && (by_penalties || self.st.strategy().sequence() == Sequence::Relaxation);
+        let keeps = self.policy.goes_on && (by_penalties || self.st.strategy().sequence() == Sequence::Relaxation);
         // where penalties follow with the barrier parameter the last problems say nothing of how open the pairs are
-        stops[EARLY_POLISH.len() + 1] = match keeps {
+        stops[early.len() + 1] = match keeps {
             true if by_penalties => penalties::KEPT,
             true => KEPT_RELAXATION,
             false => s.sigma_min,
         };
-        stops[EARLY_POLISH.len() + 2] = s.sigma_min;
+        stops[early.len() + 2] = s.sigma_min;
         if s.early_polish {
-            let early = if p.is_discretised() { [EARLY_DISCRETISED; EARLY_POLISH.len()] } else { EARLY_POLISH };
-            stops[..EARLY_POLISH.len()].copy_from_slice(&early);
+            stops[..early.len()].copy_from_slice(early);
         }
         for stop in &mut stops {
             *stop = if s.polish { stop.max(s.sigma_min) } else { s.sigma_min }.min(s.sigma_init);
         }
-        let mut spent = (self.has_others() && !p.is_discretised()).then(Spent::default);
+        let mut spent = self.has_others().then(Spent::default);
         for k in 0..stops.len() {
             let last = stops[k] == stops[stops.len() - 1];
             if !last && stops[k + 1] == stops[k] {
@@ -524,7 +516,7 @@ impl MpccSolver {
             let end = last || outcome == Outcome::Stalled;
             let effort = match early {
                 true => Effort::Early,
-                false if end || p.is_discretised() => Effort::All,
+                false if end || !self.policy.early => Effort::All,
                 false => Effort::Identified,
             };
             if by_penalties && keeps && stops[k] <= penalties::KEPT {

@@ -795,7 +795,7 @@ pub struct Settings {
     pub search_exact: f64,
     /// Dense output keeps at least so many of the last steps, and at most a quarter more: older ones are dropped; 0: all.
     pub dense_steps: i64,
-    /// Work of a branch and bound over the branches of a program with linear rows and a convex quadratic objective at most, in entries of tableaus; 0: none. Where it is enough the solution is global, with proof, or the program is shown to be infeasible.
+    /// Work of a branch and bound over the branches of a program with linear rows and a convex quadratic objective at most, in entries of tableaus; 0: none. Where it is enough the solution is global, with proof, or the program is shown to be infeasible. Other programs get a tenth of it for every model of them that is searched for better branches.
     pub branch_work: f64,
 }
 
@@ -1853,7 +1853,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         min: Closed(0.0),
         max: Closed(f64::INFINITY),
         symbol: "",
-        doc: "Work of a branch and bound over the branches of a program with linear rows and a convex quadratic objective at most, in entries of tableaus; 0: none. Where it is enough the solution is global, with proof, or the program is shown to be infeasible.",
+        doc: "Work of a branch and bound over the branches of a program with linear rows and a convex quadratic objective at most, in entries of tableaus; 0: none. Where it is enough the solution is global, with proof, or the program is shown to be infeasible. Other programs get a tenth of it for every model of them that is searched for better branches.",
         setup_only: false,
         offset: offset_of!(Settings, branch_work),
         get: |s| s.branch_work,
