@@ -373,9 +373,116 @@ static void refusals(void)
     swb_expr_free(other);
 }
 
+/* A mass on a spring with dry friction: half turns of pi seconds that lose twice the friction each. */
+static void joints(void)
+{
+    static const double numbers[5] = {0.15, 0.2, -0.1, 0.1, 1.0}, start[2] = {1.0, 0.0};
+    const double pi = acos(-1.0), nan = sqrt(-1.0);
+    int64_t x[2], c[5], force, index = -1, bad, modes[2], rate[1];
+    double state[2], forces[6], times[2] = {1.0, 12.0};
+    int32_t outcome;
+    swb_expr *graph = NULL, *other = NULL;
+    swb_scene *scene = NULL, *play = NULL;
+    swb_system *system = NULL;
+    swb_integrator *integrator = NULL;
+    swb_run *run = NULL;
+    swb_ocp *ocp = NULL;
+    CHECK_OK(swb_expr_create(&graph));
+    CHECK_OK(swb_expr_create(&other));
+    CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 2));
+    CHECK_OK(swb_expr_constants(graph, numbers, 5, c, 5));
+    CHECK_OK(swb_expr_constants(graph, &nan, 1, &bad, 1));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_NEG, x, NULL, NULL, &force, 1));
+    CHECK_OK(swb_scene_create("slider", 1, 1, 0, 0, NULL, &scene));
+    CHECK_OK(swb_scene_set_force(scene, graph, &force, 1));
+    CHECK_OK(swb_scene_add_friction(scene, graph, "guide", x[0], c[0], c[1], &index));
+    CHECK(index == 0);
+
+    /* wrong calls, which change nothing */
+    CHECK_STATUS(SWB_ERR_STATE, swb_scene_add_friction(scene, graph, "guide", x[0], c[0], -1, &index));
+    CHECK_STATUS(SWB_ERR_STATE, swb_scene_add_friction(scene, other, "other", x[0], c[0], -1, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_add_friction(scene, graph, "other", x[0], 1000, -1, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_add_friction(scene, graph, "other", -5, c[0], -1, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_add_friction(scene, graph, "other", x[0], c[0], -2, &index));
+    CHECK_STATUS(SWB_ERR_NULL, swb_scene_add_friction(scene, NULL, "other", x[0], c[0], -1, &index));
+    CHECK_STATUS(SWB_ERR_NULL, swb_scene_add_friction(NULL, graph, "other", x[0], c[0], -1, &index));
+    CHECK_STATUS(SWB_ERR_NULL, swb_scene_add_friction(scene, graph, NULL, x[0], c[0], -1, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_stiction(scene, graph, 0, c[1]));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_stiction(scene, graph, 7, c[1]));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_stiction(scene, graph, 0, 1000));
+    CHECK_STATUS(SWB_ERR_STATE, swb_scene_add_constraint(scene, graph, "guide", x[0], &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_add_constraint(scene, graph, "rod", 1000, &index));
+    CHECK_STATUS(SWB_ERR_NULL, swb_scene_add_constraint(scene, graph, NULL, x[0], &index));
+    CHECK(index == 0);
+    CHECK_OK(swb_scene_create_projected("play", 1, 0, 0, NULL, &play));
+    CHECK_STATUS(SWB_ERR_UNSUPPORTED, swb_scene_add_friction(play, graph, "guide", x[0], c[0], -1, NULL));
+    CHECK_STATUS(SWB_ERR_UNSUPPORTED, swb_scene_add_constraint(play, graph, "rod", x[0], NULL));
+    swb_scene_free(play);
+
+    CHECK_OK(swb_scene_build(scene, graph));
+    CHECK_OK(swb_scene_system(scene, &system));
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_set_double(integrator, "rtol", 1e-11));
+    CHECK_OK(swb_integrator_set_double(integrator, "atol", 1e-11));
+    CHECK_OK(swb_integrator_set_string(integrator, "dense", "on"));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, start, 2));
+    CHECK_OK(swb_integrator_advance(integrator, 20.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_OK(swb_integrator_get_state(integrator, state, 2));
+    CHECK_NEAR(state[0], -0.1, 1e-9);
+    CHECK_NEAR(state[1], 0.0, 1e-9);
+    CHECK_OK(swb_integrator_get_run(integrator, &run));
+    CHECK_OK(swb_run_contact_modes(run, times, 2, modes, 2));
+    CHECK(modes[0] == SWB_CONTACT_MODE_SLIDES_BACK && modes[1] == SWB_CONTACT_MODE_CLOSED && times[1] > 3.0 * pi);
+    CHECK_OK(swb_run_contact_forces(run, times, 2, forces, 6));
+    CHECK_NEAR(forces[1], 0.15, 1e-12);
+    CHECK_NEAR(forces[4], -0.1, 1e-9);
+    CHECK(forces[0] == 0.0 && forces[3] == 0.0);
+    swb_run_free(run);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+
+    /* optimal control does not know it */
+    CHECK_STATUS(SWB_ERR_UNSUPPORTED, swb_ocp_create_scene(scene, 1.0, 4, NULL, &ocp));
+    CHECK(ocp == NULL && strstr(swb_last_error(), "guide") != NULL);
+    swb_scene_free(scene);
+
+    /* what the build refuses */
+    for (int k = 0; k < 4; k++) {
+        const int64_t bound[4] = {c[2], bad, c[1], c[0]}, stiction[4] = {-1, -1, c[3], c[2]};
+        CHECK_OK(swb_scene_create("slider", 1, 1, 0, 0, NULL, &scene));
+        CHECK_OK(swb_scene_set_force(scene, graph, &force, 1));
+        CHECK_OK(swb_scene_add_friction(scene, graph, "guide", x[0], bound[k], stiction[k], NULL));
+        REFUSED(SWB_ERR_RANGE, swb_scene_build(scene, graph), k == 2 ? "must not be less" : "must not be negative");
+        swb_scene_free(scene);
+    }
+    /* a constraint that the start does not satisfy */
+    rate[0] = x[1];
+    CHECK_OK(swb_scene_create("slider", 1, 1, 0, 0, NULL, &scene));
+    CHECK_OK(swb_scene_set_force(scene, graph, &force, 1));
+    CHECK_OK(swb_scene_add_constraint(scene, graph, "stop", rate[0], NULL));
+    CHECK_OK(swb_scene_build(scene, graph));
+    CHECK_OK(swb_scene_system(scene, &system));
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    state[0] = 0.0;
+    state[1] = 1.0;
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, state, 2));
+    REFUSED(SWB_ERR_RANGE, swb_integrator_advance(integrator, 1.0, &outcome), "not satisfied at the start");
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, start, 2));
+    CHECK_OK(swb_integrator_advance(integrator, 1.0, &outcome));
+    CHECK_OK(swb_integrator_get_state(integrator, state, 2));
+    CHECK(state[0] == 1.0 && state[1] == 0.0);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    swb_scene_free(scene);
+    swb_expr_free(graph);
+    swb_expr_free(other);
+}
+
 int main(void)
 {
     bounces();
+    joints();
     slides();
     steps();
     refusals();

@@ -799,6 +799,26 @@ public:
         return add(name, gap, tangents, detail::ids(graph_, {Expr(friction.in(graph_))}).front(),
                    detail::ids(graph_, {Expr(restitution.in(graph_))}).front());
     }
+    /// The coefficient of friction by which a contact sticks, where it is larger; see swb_scene_set_stiction.
+    void stiction(int64_t contact, const Operand &friction) {
+        detail::check(swb_scene_set_stiction(scene_.get(), graph_.get(), contact,
+                                             detail::ids(graph_, {Expr(friction.in(graph_))}).front()));
+    }
+    /// Adds dry friction at a joint with a bound of its force and returns its number; see swb_scene_add_friction.
+    int64_t friction(const std::string &name, const Expr &sliding, const Operand &bound) {
+        return joint(name, sliding, bound, -1);
+    }
+    /// The same with a larger bound for sticking.
+    int64_t friction(const std::string &name, const Expr &sliding, const Operand &bound, const Operand &stiction) {
+        return joint(name, sliding, bound, detail::ids(graph_, {Expr(stiction.in(graph_))}).front());
+    }
+    /// Adds a constraint, an expression that is zero, and returns its number; see swb_scene_add_constraint.
+    int64_t constraint(const std::string &name, const Expr &zero) {
+        int64_t k = 0;
+        detail::check(swb_scene_add_constraint(scene_.get(), graph_.get(), name.c_str(),
+                                               detail::ids(graph_, {zero}).front(), &k));
+        return k;
+    }
     /// States that a coordinate stays between bounds, which may be infinite; see swb_scene_set_bounds.
     void bounds(int64_t coordinate, double low, double high) {
         detail::check(swb_scene_set_bounds(scene_.get(), coordinate, low, high));
@@ -835,6 +855,12 @@ public:
     void impact_law(swb_impact_law law) { detail::check(swb_scene_set_impact_law(scene_.get(), law)); }
 
 private:
+    int64_t joint(const std::string &name, const Expr &sliding, const Operand &bound, int64_t stiction) {
+        int64_t k = 0;
+        detail::check(swb_scene_add_friction(scene_.get(), graph_.get(), name.c_str(), detail::ids(graph_, {sliding}).front(),
+                                             detail::ids(graph_, {Expr(bound.in(graph_))}).front(), stiction, &k));
+        return k;
+    }
     static Words rates_of(const Words &q) {
         Words out;
         for (const auto &n : q)

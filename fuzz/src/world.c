@@ -306,6 +306,35 @@ static void controlled_block(const swb_scene *scene, const swb_settings *s, cons
     DO(swb_ocp_contact_forces, ocp, &t, 1, forces, 3);
 }
 
+/* Dry friction, a larger one for sticking, and a constraint, added to a scene with two coordinates and one contact. */
+static void joints(swb_scene *scene, swb_expr *graph, const int64_t *x, const int64_t *c, const swb_settings *s,
+                   const double *start)
+{
+    static const double t = 0.2;
+    int64_t modes[3];
+    double forces[9];
+    int32_t outcome;
+    swb_system *system = NULL;
+    swb_integrator *it = NULL;
+    swb_run *run = NULL;
+    DO(swb_scene_set_stiction, scene, graph, 0, c[3]);
+    DO(swb_scene_add_friction, scene, graph, "guide", x[0], c[2], c[3], NULL);
+    DO(swb_scene_add_constraint, scene, graph, "level", x[3], NULL);
+    if (!DO(swb_scene_build, scene, graph) || !DO(swb_scene_system, scene, &system))
+        return;
+    pool_add(T_swb_system, system);
+    if (!DO(swb_integrator_create, system, s, &it))
+        return;
+    pool_add(T_swb_integrator, it);
+    DO(swb_integrator_reinit, it, 0.0, start, 4);
+    DO(swb_integrator_advance, it, 0.5, &outcome);
+    if (!DO(swb_integrator_get_run, it, &run))
+        return;
+    pool_add(T_swb_run, run);
+    DO(swb_run_contact_modes, run, &t, 1, modes, 3);
+    DO(swb_run_contact_forces, run, &t, 1, forces, 9);
+}
+
 /* A block that falls on a rough floor and slides. */
 static void block(const swb_settings *s)
 {
@@ -359,6 +388,7 @@ static void block(const swb_settings *s)
     DO(swb_run_contact_forces, run, &t, 1, forces, 3);
     steps(system, start);
     frozen(scene, graph, start);
+    joints(scene, graph, x, c, s, start);
 }
 
 /* The play operator: an output that follows the time with slack. */

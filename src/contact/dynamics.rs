@@ -8,7 +8,7 @@ use super::mode;
 use super::problem::{Problem, Room};
 use super::sensitivity::Linearised;
 use crate::func::{EvalError, EvalResult, Function, Point};
-use crate::system::{Contact, Inertia, Mechanics, Order};
+use crate::system::{Contact, Inertia, Kind, Mechanics, Order};
 
 /// Where the motion is looked at: time, state, controls, parameters.
 pub(crate) type At<'a> = Point<'a>;
@@ -24,6 +24,8 @@ pub(crate) struct Block {
     /// `g̈ − nᵀ v̇`.
     pub(super) rest: f64,
     pub(crate) friction: f64,
+    /// The coefficient of friction for sticking.
+    pub(crate) stiction: f64,
     pub(crate) restitution: f64,
     pub(crate) normal: Vec<f64>,
     /// Sliding velocity.
@@ -123,6 +125,8 @@ pub(crate) struct Dynamics {
     /// `M⁻¹` times the force directions of the rows, one after the other.
     pub(super) y: Vec<f64>,
     pub(super) held: LeastNorm,
+    /// Contacts without a normal: dry friction at joints.
+    joints: Vec<usize>,
     /// Contacts of which nothing but the sliding velocity changes: flat, with tangents that are straight.
     flat: Vec<bool>,
     /// Modes whose rows and matrix are those that are kept, where nothing of them changes; empty: none.
@@ -197,6 +201,7 @@ impl Dynamics {
             rows: Vec::with_capacity(some),
             y: Vec::with_capacity(some * n_v),
             held: LeastNorm::with_capacity(some),
+            joints: (0..m.contacts.len()).filter(|i| m.contacts[*i].kind == Kind::Joint).collect(),
             flat: m.contacts.iter().map(|c| is_flat(c, n_v)).collect(),
             kept: Vec::with_capacity(m.contacts.len()),
             lambda: Vec::with_capacity(some),
@@ -221,6 +226,44 @@ impl Dynamics {
     /// Do contacts act on the states themselves?
     pub(crate) fn is_first_order(&self) -> bool {
         self.mechanics.order == Order::First
+    }
+
+    /// Is there dry friction at joints?
+    pub(crate) fn has_joints(&self) -> bool {
+        !self.joints.is_empty()
+    }
+
+    /// Has contact `i` no normal?
+    pub(crate) fn is_joint(&self, i: usize) -> bool {
+        self.mechanics.contacts[i].kind == Kind::Joint
+    }
+
+    /// Can contact `i` open?
+    pub(crate) fn opens(&self, i: usize) -> bool {
+        self.mechanics.contacts[i].kind.opens()
+    }
+
+    /// The mode of contact `i` where nothing else is known of it.
+    pub(crate) fn first_mode(&self, i: usize) -> usize {
+        if self.opens(i) {
+            mode::OPEN
+        } else {
+            mode::CLOSED
+        }
+    }
+
+    /// Forces of contact `i` as results have them: a joint has no normal force.
+    pub(crate) fn of_results(&self, i: usize, f: Forces) -> Forces {
+        if self.is_joint(i) {
+            [0.0, f[1], f[2]]
+        } else {
+            f
+        }
+    }
+
+    /// The first component of contact `i` that has equations.
+    pub(super) fn lead(&self, i: usize) -> usize {
+        usize::from(self.is_joint(i))
     }
 
     /// Number of contacts.
@@ -300,6 +343,7 @@ impl Dynamics {
             (b.sliding[k], b.sliding_rest[k]) = (own[0], own[1]);
             b.tangents[k * n_v..(k + 1) * n_v].copy_from_slice(&own[2..]);
         }
+        b.stiction = out[c.stiction_at(n_v)];
         Ok(())
     }
 
@@ -421,7 +465,9 @@ impl Dynamics {
     pub(crate) fn stops_with(&self, i: usize, sticks: usize, modes: &[Vec<usize>]) -> bool {
         let mut rows = Vec::new();
         for (contact, set) in modes.iter().enumerate().filter(|(_, set)| set[0] != mode::OPEN) {
-            rows.push(Row { contact, component: 0 });
+            if !self.is_joint(contact) {
+                rows.push(Row { contact, component: 0 });
+            }
             if set[0] == mode::CLOSED || contact == sticks {
                 let n = self.mechanics.contacts[contact].n_tangents;
                 rows.extend((1..=n).map(|component| Row { contact, component }));
@@ -444,7 +490,9 @@ impl Dynamics {
             if set[0] == mode::OPEN {
                 continue;
             }
-            self.rows.push(Row { contact, component: 0 });
+            if !self.is_joint(contact) {
+                self.rows.push(Row { contact, component: 0 });
+            }
             if set[0] == mode::CLOSED {
                 let n = self.mechanics.contacts[contact].n_tangents;
                 self.rows.extend((1..=n).map(|component| Row { contact, component }));
@@ -461,20 +509,19 @@ impl Dynamics {
         }
         self.acceleration.copy_from_slice(&self.free);
         self.forces.fill([0.0; 3]);
-        if self.rows.is_empty() {
+        if self.rows.is_empty() && self.joints.is_empty() {
             return Ok(());
         }
         if !kept {
-            for i in 0..self.rows.len() {
-                if self.rows[i].component == 0 {
-                    self.load_contact(at, self.rows[i].contact)?;
-                }
+            for (i, _) in modes.iter().enumerate().filter(|(_, set)| set[0] != mode::OPEN) {
+                self.load_contact(at, i)?;
             }
             // an evaluation knows nothing of those before it
             self.settled.copy_from_slice(&self.directions);
             self.assemble(modes)?;
             self.keep(modes);
         }
+        self.push_joints(modes);
         self.solve_held();
         if !kept {
             self.settle_directions(modes)?;
@@ -488,6 +535,21 @@ impl Dynamics {
             }
         }
         Ok(())
+    }
+
+    /// Joints that slide push with all that their friction has: their part of the accelerations without contact forces.
+    fn push_joints(&mut self, modes: &[Vec<usize>]) {
+        for k in 0..self.joints.len() {
+            let i = self.joints[k];
+            self.forces[i][0] = 1.0;
+            if Dynamics::slides(modes[i][0]) {
+                let (d, b) = (self.direction(i, modes[i][0]), &self.blocks[i]);
+                let push = &mut self.buffer[..self.mechanics.n_v];
+                push.iter_mut().zip(b.tangent(0)).for_each(|(p, t)| *p = -b.friction * d[0] * t);
+                self.mass.solve(push);
+                self.free.iter_mut().zip(&*push).for_each(|(f, p)| *f += p);
+            }
+        }
     }
 
     /// Forces of what is held, and the accelerations with them.
@@ -579,9 +641,9 @@ impl Dynamics {
         out[n_q..].copy_from_slice(&self.acceleration);
     }
 
-    /// Contacts that were closed in the last accelerations.
+    /// Contacts that were closed in the last accelerations, and joints that stuck.
     pub(crate) fn closed(&self) -> impl Iterator<Item = usize> + '_ {
-        self.rows.iter().filter(|r| r.component == 0).map(|r| r.contact)
+        self.rows.iter().filter(|r| r.component == self.lead(r.contact)).map(|r| r.contact)
     }
 
     /// Are the forces under the modes of the last evaluation not unique? The motion is.
@@ -603,6 +665,14 @@ impl Dynamics {
         let mut moved = false;
         for i in (0..modes.len()).filter(|i| closed(*i)) {
             let at = Point { x, ..*at };
+            if self.is_joint(i) {
+                // what sticks has no gap that would tell of its drift
+                if modes[i][0] == mode::CLOSED {
+                    self.load_contact(&at, i)?;
+                    moved |= self.blocks[i].sliding[0].abs() > tolerance(i, &self.blocks[i])[1];
+                }
+                continue;
+            }
             self.load_gap(&at, i)?;
             let [g, rate] = tolerance(i, &self.blocks[i]);
             moved |= self.blocks[i].gap[0].abs() > g || self.blocks[i].gap[1].abs() > rate && !self.is_first_order();
@@ -700,22 +770,24 @@ impl Dynamics {
     }
 
     /// What the normal force of contact `i`, which is loaded and closed, consists of before anything cancels: free
-    /// accelerations, and the pushes of the other contacts of the last evaluation.
+    /// accelerations, and the pushes of the other contacts of the last evaluation. Of a joint it is its friction.
     pub(crate) fn force_size(&mut self, i: usize) -> f64 {
         let y = &mut self.buffer[..self.mechanics.n_v];
+        let lead = usize::from(self.mechanics.contacts[i].kind == Kind::Joint);
         let b = &self.blocks[i];
         let m = self.rows.len();
         let held = self.held.entries();
-        let pushes: f64 = match self.rows.iter().position(|r| r.contact == i && r.component == 0) {
+        let pushes: f64 = match self.rows.iter().position(|r| r.contact == i && r.component == lead) {
             Some(r) if held.len() == m * m && self.lambda.len() == m => {
                 held[r * m..(r + 1) * m].iter().zip(&self.lambda).map(|(a, l)| (a * l).abs()).sum()
             }
             _ => 0.0,
         };
-        y.copy_from_slice(&b.normal);
+        let row = b.row(lead);
+        y.copy_from_slice(row);
         self.mass.solve(y);
-        let w = dot(&b.normal, y);
-        let own = b.normal.iter().zip(&self.free).map(|(n, a)| (n * a).abs()).sum::<f64>() + b.rest.abs();
+        let w = dot(row, y);
+        let own = row.iter().zip(&self.free).map(|(n, a)| (n * a).abs()).sum::<f64>() + b.rest_of(lead).abs();
         let terms = own + pushes;
         if w > 0.0 {
             terms / w
@@ -755,8 +827,8 @@ impl Dynamics {
         self.list_rows(modes);
         self.mass.load(&self.mechanics, at, &mut self.work)?;
         for i in 0..self.rows.len() {
-            if self.rows[i].component == 0 {
-                let contact = self.rows[i].contact;
+            let contact = self.rows[i].contact;
+            if self.rows[i].component == self.lead(contact) {
                 self.load_gap(at, contact)?;
                 self.load_contact(at, contact)?;
             }
@@ -768,8 +840,7 @@ impl Dynamics {
 /// Is the sliding velocity all that changes of what is known of a contact?
 fn is_flat(c: &Contact, n_v: usize) -> bool {
     let p = c.motion.jac_pattern();
-    let sliding = |r: usize| r >= 3 + n_v && (r - 3 - n_v) % (2 + n_v) == 0;
-    (0..p.n_cols()).all(|col| p.rows(col).iter().all(|&r| sliding(r)))
+    (0..p.n_cols()).all(|col| p.rows(col).iter().all(|&r| c.sliding_at(n_v, r).is_some()))
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -7,6 +7,9 @@
 //! Newton's law of restitution with Coulomb's law for impulses, J. J. Moreau, *Unilateral contact and dry friction in finite
 //! freedom dynamics*, in: Nonsmooth Mechanics and Applications (1988); (8.3), (8.4) of the thesis for one contact without
 //! friction.
+//!
+//! Constraints are held, `ċ⁺ = 0` by a `Λ` of either sign; friction at joints is a finite force and has no impulse. What sticks by more
+//! than it slides with does so under forces: impulses know the coefficient of sliding only.
 
 use super::dynamics::{dot, At, Dynamics, Forces, Row};
 use super::least_norm::LeastNorm;
@@ -14,7 +17,7 @@ use super::mode;
 use super::problem::{Part, Problem, Solution, Solutions, State};
 use super::sensitivity::{add_jacobian, Given};
 use crate::func::{EvalError, EvalResult, Point};
-use crate::system::Inertia;
+use crate::system::{Inertia, Kind};
 
 /// What one contact contributes to an impact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,6 +71,19 @@ impl Dynamics {
         }
     }
 
+    /// What takes part in an impact of these contacts, where it is not just these: constraints do, and friction at joints does not, as it
+    /// is a finite force.
+    fn struck(&self, contacts: &[(usize, Option<f64>)]) -> Option<Vec<(usize, Option<f64>)>> {
+        let all = &self.mechanics.contacts;
+        if all.iter().all(|c| c.kind.opens()) {
+            return None;
+        }
+        let mut list: Vec<_> = contacts.iter().copied().filter(|c| all[c.0].kind == Kind::Unilateral).collect();
+        let held = (0..all.len()).filter(|i| all[*i].kind == Kind::Bilateral);
+        list.extend(held.map(|i| (i, Some(0.0))));
+        Some(list)
+    }
+
     /// Changes the velocities of `x` by an impact of these contacts, which have no gap. `restitution` of each may differ from
     /// that of the model, and `size` is what counts as the size of its rate. None where there is no solution.
     ///
@@ -82,6 +98,8 @@ impl Dynamics {
         x: &mut [f64],
     ) -> Result<Option<Impact>, EvalError> {
         self.mass.load(&self.mechanics, at, &mut self.work)?;
+        let list = self.struck(contacts);
+        let contacts = list.as_deref().unwrap_or(contacts);
         for &(i, _) in contacts {
             self.load_gap(at, i)?;
             self.load_contact(at, i)?;
@@ -96,7 +114,9 @@ impl Dynamics {
             problem.free[first] = (1.0 + e) * b.gap[1];
             let n_t = self.mechanics.contacts[i].n_tangents;
             problem.free[first + 1..=first + n_t].copy_from_slice(&b.sliding[..n_t]);
-            problem.parts.push(Part { first, n_t, friction: b.friction, slides: None, size: size(i, self) });
+            let (friction, kind) = (b.friction, self.mechanics.contacts[i].kind);
+            let size = size(i, self);
+            problem.parts.push(Part { first, n_t, friction, stiction: friction, kind, slides: None, size });
             first += 1 + n_t;
         }
         let found = problem.solve(&mut self.room);

@@ -9,6 +9,7 @@
 
 use super::least_norm::LeastNorm;
 use super::problem::{Part, Problem};
+use crate::system::Kind;
 
 /// Edges of the cone of a contact in space.
 const EDGES: usize = 8;
@@ -23,6 +24,12 @@ struct Edge {
 
 fn edges(p: &Part, out: &mut Vec<Edge>) {
     let mu = p.friction;
+    match p.kind {
+        // what is not in proportion to a force has no cone: the search begins without it
+        Kind::Joint => return,
+        Kind::Bilateral => return out.extend([1.0, -1.0].map(|n| Edge { first: p.first, force: [n, 0.0, 0.0] })),
+        Kind::Unilateral => {}
+    }
     let mut add = |d: [f64; 2]| out.push(Edge { first: p.first, force: [1.0, mu * d[0], mu * d[1]] });
     match (p.slides, p.n_t) {
         (Some(d), _) => add([-d[0], -d[1]]),
@@ -178,7 +185,15 @@ mod tests {
         let matrix = g.iter().flat_map(|a| g.iter().map(|b| product(a, b)).collect::<Vec<_>>()).collect();
         let fall: Vec<f64> = (0..3 * n).map(|k| if k % 3 == 1 { -gravity } else { 0.0 }).collect();
         let free = g.iter().map(|a| a.iter().zip(&fall).map(|(a, f)| a * f).sum()).collect();
-        let part = |k: usize| Part { first: 2 * k, n_t: 1, friction: mu, slides: None, size: gravity };
+        let part = |k: usize| Part {
+            first: 2 * k,
+            n_t: 1,
+            friction: mu,
+            stiction: mu,
+            kind: Kind::Unilateral,
+            slides: None,
+            size: gravity,
+        };
         Problem { parts: (0..g.len() / 2).map(part).collect(), matrix, free, ..Problem::default() }
     }
 

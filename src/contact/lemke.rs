@@ -13,6 +13,7 @@
 //! R. E. Stone, *The Linear Complementarity Problem*, 1992, 4.9), so the pivots never go round.
 
 use super::problem::Problem;
+use crate::system::Kind;
 
 /// Sides of the polygon of a contact in space.
 const SIDES: usize = 8;
@@ -42,7 +43,7 @@ impl Problem {
         let row = |u: &[(usize, f64)]| -> Vec<(usize, f64)> {
             let normal = self.parts.iter().any(|p| p.first == u[0].0);
             if normal {
-                vec![(u[0].0, 1.0)]
+                vec![u[0]]
             } else {
                 u.to_vec()
             }
@@ -92,6 +93,15 @@ impl Problem {
     fn unknowns(&self) -> Vec<Unknown> {
         let mut out = Vec::new();
         for p in &self.parts {
+            match p.kind {
+                // friction that is not in proportion to a force: the search begins without it
+                Kind::Joint => continue,
+                Kind::Bilateral => {
+                    out.extend([1.0, -1.0].map(|n| Unknown::Force(vec![(p.first, n)])));
+                    continue;
+                }
+                Kind::Unilateral => {}
+            }
             let normal = out.len();
             let friction = |k: usize, d: [f64; 2]| (p.first + 1 + k, -p.friction * d[k]);
             let slide = p.slides.into_iter().flat_map(|d| (0..p.n_t).map(move |k| friction(k, d)));

@@ -6,6 +6,7 @@ use super::mode;
 use super::problem::{Part, Problem, Solution, State};
 use super::sensitivity::{add_jacobian, zeros};
 use crate::func::{EvalError, Point};
+use crate::system::Kind;
 
 /// Modes of all contacts that may follow.
 #[derive(Debug, Clone)]
@@ -48,7 +49,8 @@ impl Dynamics {
         lately: &dyn Fn(usize) -> f64,
         (length, loaded): (f64, bool),
     ) -> Result<Follow, EvalError> {
-        if !loaded {
+        // what is loaded under modes has the friction of sliding joints in it
+        if !loaded || self.has_joints() {
             self.load(at)?;
         }
         for c in closed {
@@ -65,14 +67,17 @@ impl Dynamics {
         let mut first = 0;
         for c in closed {
             let (b, n_t) = (&self.blocks[c.contact], self.mechanics.contacts[c.contact].n_tangents);
-            let lately = problem.matrix[first * m + first] * lately(c.contact);
+            let kind = self.mechanics.contacts[c.contact].kind;
+            let lead = first + usize::from(kind == Kind::Joint);
+            let lately = problem.matrix[lead * m + lead] * lately(c.contact);
             let size = (0..=n_t).map(|k| sum(b.row(k), &self.free) + b.rest_of(k).abs()).fold(lately, f64::max);
             let s = b.sliding;
             let speed = s[0].hypot(s[1]);
             let begins = n_t == 2 && self.follows(c.contact);
             let along = || if begins { self.settled[c.contact] } else { [s[0] / speed, s[1] / speed] };
             let slides = (n_t > 0 && !c.rests && speed > 0.0).then(along);
-            problem.parts.push(Part { first, n_t, friction: b.friction, slides, size });
+            let (friction, stiction) = (b.friction, b.stiction);
+            problem.parts.push(Part { first, n_t, friction, stiction, kind, slides, size });
             problem.start.extend_from_slice(&self.forces[c.contact][..=n_t]);
             first += 1 + n_t;
         }
@@ -92,14 +97,32 @@ impl Dynamics {
             }
             (r, _) => r,
         };
+        self.keep_sticking(&mut out.all, closed);
         problem.clear();
         self.problem = problem;
         r.map(|()| out)
     }
 
+    /// Where friction holds more than it does to something that slides, both may be solutions: what sticks goes on sticking. Leaves out
+    /// choices in which less of it does than in another.
+    fn keep_sticking(&self, all: &mut Vec<Choice>, closed: &[Closed]) {
+        let holds_more = |i: &usize| self.blocks[*i].stiction > self.blocks[*i].friction;
+        let some: Vec<usize> = closed.iter().map(|c| c.contact).filter(holds_more).collect();
+        if some.is_empty() || all.len() < 2 {
+            return;
+        }
+        let sticks = |c: &Choice, i: usize| c.modes[i][0] == mode::CLOSED;
+        let less = |a: &Choice, b: &Choice| {
+            some.iter().all(|&i| !sticks(a, i) || sticks(b, i)) && some.iter().any(|&i| !sticks(a, i) && sticks(b, i))
+        };
+        let kept: Vec<bool> = all.iter().map(|a| !all.iter().any(|b| less(a, b))).collect();
+        let mut kept = kept.into_iter();
+        all.retain(|_| kept.next().unwrap_or(true));
+    }
+
     fn choice(&self, closed: &[Closed], parts: &[Part], s: &Solution, shared: bool) -> Choice {
         let mut out = Choice {
-            modes: vec![vec![mode::OPEN]; self.n_contacts()],
+            modes: (0..self.n_contacts()).map(|i| vec![self.first_mode(i)]).collect(),
             directions: Vec::new(),
             begin: Vec::new(),
             forces: Vec::new(),
@@ -191,6 +214,8 @@ impl Dynamics {
             size: f64,
             z: [f64; 3],
             r: [f64; 3],
+            /// The share of the rate of the coefficient of friction.
+            bound: f64,
         }
         let mut zero = Vec::new();
         let sizes = problem.parts.iter().map(|p| problem.scale(p, p.first, &s.r));
@@ -198,36 +223,41 @@ impl Dynamics {
         let least = f64::EPSILON / ZERO * sizes.fold(0.0, f64::max);
         for (place, ((c, p), state)) in closed.iter().zip(&problem.parts).zip(&s.states).enumerate() {
             let (r, z) = (&s.r[p.first..=p.first + p.n_t], &s.z[p.first..=p.first + p.n_t]);
-            let (size, force) = (problem.scale(p, p.first, &s.r), problem.force_scale(p, p.first, &s.r));
-            let mut note = |value: f64, size: f64, z: [f64; 3], r: [f64; 3], behind: State| {
+            let (size, force) = (problem.scale(p, p.lead(), &s.r), problem.force_scale(p, p.lead(), &s.r));
+            let mut note = |bound: f64, value: f64, size: f64, z: [f64; 3], r: [f64; 3], behind: State| {
                 if value.abs() <= ZERO * size {
-                    zero.push(Quantity { place, contact: c.contact, behind, size: size.max(least), z, r });
+                    zero.push(Quantity { place, contact: c.contact, behind, size: size.max(least), z, r, bound });
                 }
             };
             match state {
                 State::Open => {
                     let behind = problem.may_push(p, s).unwrap_or(State::Rests);
-                    note(z[0], size, [1.0, 0.0, 0.0], [0.0; 3], behind);
+                    note(0.0, z[0], size, [1.0, 0.0, 0.0], [0.0; 3], behind);
                 }
                 State::Rests => {
-                    note(r[0], force, [0.0; 3], [1.0, 0.0, 0.0], State::Open);
+                    if p.kind.opens() {
+                        note(0.0, r[0], force, [0.0; 3], [1.0, 0.0, 0.0], State::Open);
+                    }
+                    let (mu, push) = (p.stiction, r[0]);
                     if p.n_t == 1 {
                         let behind = State::Slides([-1.0, 0.0]);
-                        note(p.friction * r[0] - r[1], force, [0.0; 3], [p.friction, -1.0, 0.0], behind);
+                        note(push, mu * push - r[1], force, [0.0; 3], [mu, -1.0, 0.0], behind);
                         let behind = State::Slides([1.0, 0.0]);
-                        note(p.friction * r[0] + r[1], force, [0.0; 3], [p.friction, 1.0, 0.0], behind);
+                        note(push, mu * push + r[1], force, [0.0; 3], [mu, 1.0, 0.0], behind);
                     } else if p.n_t == 2 {
-                        let push = r[1].hypot(r[2]);
-                        let d = if push > 0.0 { [r[1] / push, r[2] / push] } else { [0.0; 2] };
+                        let size = r[1].hypot(r[2]);
+                        let d = if size > 0.0 { [r[1] / size, r[2] / size] } else { [0.0; 2] };
                         let behind = State::Slides([-d[0], -d[1]]);
-                        note(p.friction * r[0] - push, force, [0.0; 3], [p.friction, -d[0], -d[1]], behind);
+                        note(push, mu * push - size, force, [0.0; 3], [mu, -d[0], -d[1]], behind);
                     }
                 }
                 State::Slides(d) => {
-                    note(r[0], force, [0.0; 3], [1.0, 0.0, 0.0], State::Open);
+                    if p.kind.opens() {
+                        note(0.0, r[0], force, [0.0; 3], [1.0, 0.0, 0.0], State::Open);
+                    }
                     if p.slides.is_none() {
                         let along = z[1..].iter().zip(d).map(|(z, d)| z * d).sum();
-                        note(along, size, [0.0, d[0], d[1]], [0.0; 3], State::Rests);
+                        note(0.0, along, size, [0.0, d[0], d[1]], [0.0; 3], State::Rests);
                     }
                 }
             }
@@ -248,7 +278,7 @@ impl Dynamics {
             self.turn(at, &choice.begin, (&mut rates[m.n_q..], &mut forces), &mut row)?;
             let mut wrong = Vec::new();
             for q in &zero {
-                let mut rate = 0.0;
+                let mut rate = if q.bound == 0.0 { 0.0 } else { q.bound * self.bound_rate(at, q.contact, &mut row)? };
                 for k in 0..=m.contacts[q.contact].n_tangents {
                     if q.r[k] != 0.0 {
                         rate += q.r[k] * forces[3 * q.contact + k];
@@ -268,6 +298,13 @@ impl Dynamics {
         let l = &mut self.linearised;
         (l.jacobian, l.of_forces, l.row) = (rates, forces, row);
         fine
+    }
+
+    /// Rate of the coefficient of friction of a contact for sticking, along the motion.
+    fn bound_rate(&mut self, at: &At, contact: usize, row: &mut Vec<f64>) -> Result<f64, EvalError> {
+        let columns = self.columns(at);
+        self.add_bound(at, contact, &columns, zeros(row, 1))?;
+        Ok(row[0])
     }
 
     /// Rate of the acceleration of component `k` of a contact, where the accelerations have these `rates` along the motion.

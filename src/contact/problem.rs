@@ -4,13 +4,16 @@
 //! z = W r + w,    0 ≤ r_n ⊥ z_n ≥ 0,    ‖r_t‖ ≤ μ r_n,   z_t = 0 or r_t = −μ r_n z_t/‖z_t‖
 //! ```
 //!
-//! for every contact, where a contact that slides already has a direction `d` that is given, `r_t = −μ r_n d`. Few contacts
+//! for every contact, where a contact that slides already has a direction `d` that is given, `r_t = −μ r_n d`. A contact may stick
+//! by a larger coefficient, `‖r_t‖ ≤ μ_s r_n` where `z_t = 0`; dry friction at a joint is a contact whose normal force is given,
+//! `r_n = 1` without a `z_n`, so that its coefficients are the bounds of the friction; a constraint has `z_n = 0` and an `r_n` of either sign. Few contacts
 //! in the plane are decided by trying all states, so that it is known whether there is none (Painlevé) or more than one
 //! solution; many, and those in space, by Gauss-Seidel sweeps and Newton's method on the equations of Alart and Curnier,
 //! *A mixed formulation for frictional contact problems prone to Newton like solution methods*, Comput. Methods Appl. Mech.
 //! Eng. 92 (1991).
 
 use super::least_norm::LeastNorm;
+use crate::system::Kind;
 
 /// What a contact does in a solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,10 +35,20 @@ pub(crate) struct Part {
     pub(crate) n_t: usize,
     /// Coefficient of friction.
     pub(crate) friction: f64,
+    /// That for sticking, not less.
+    pub(crate) stiction: f64,
+    pub(crate) kind: Kind,
     /// The direction it slides in already.
     pub(crate) slides: Option<[f64; 2]>,
     /// What the normal component of `z` is compared with to be zero.
     pub(crate) size: f64,
+}
+
+impl Part {
+    /// The first component that has equations: the normal, or the tangent where the normal force is given.
+    pub(super) fn lead(&self) -> usize {
+        self.first + usize::from(self.kind == Kind::Joint)
+    }
 }
 
 /// A problem.
@@ -140,7 +153,7 @@ impl Problem {
 
     /// Without friction the problem is the condition for a minimum of a convex function: the motion is unique.
     fn is_frictionless(&self) -> bool {
-        self.parts.iter().all(|p| p.n_t == 0 || p.friction == 0.0)
+        self.parts.iter().all(|p| p.n_t == 0 || p.stiction == 0.0)
     }
 
     /// Forgets all contacts, and keeps the memory.
@@ -165,9 +178,9 @@ impl Problem {
     /// Number of states a contact may have.
     fn n_options(p: &Part) -> usize {
         match (p.n_t, p.slides) {
-            (2, None) if p.friction > 0.0 => usize::MAX,
-            (_, Some(_)) | (0, _) => 2,
-            _ => 4,
+            (2, None) if p.stiction > 0.0 => usize::MAX,
+            (_, Some(_)) | (0, _) => 1 + usize::from(p.kind.opens()),
+            _ => 3 + usize::from(p.kind.opens()),
         }
     }
 
@@ -213,13 +226,14 @@ impl Problem {
         for (k, (p, state)) in self.parts.iter().zip(&s.states).enumerate() {
             match state {
                 State::Open => {}
-                State::Slides(_) => held.push((k, p.first)),
-                State::Rests => held.extend((p.first..=p.first + p.n_t).map(|i| (k, i))),
+                State::Slides(_) => held.extend((p.lead() == p.first).then_some((k, p.first))),
+                State::Rests => held.extend((p.lead()..=p.first + p.n_t).map(|i| (k, i))),
             }
         }
         let m = held.len();
         s.r.clear();
         s.r.resize(n, 0.0);
+        let given = self.give(&s.states, &mut s.r);
         if m > 0 {
             let a = solver.clear(m);
             for (j, &(k, i)) in held.iter().enumerate() {
@@ -239,6 +253,10 @@ impl Problem {
             }
             b.clear();
             b.extend(held.iter().map(|&(_, i)| -self.free[i]));
+            if given {
+                let pushed = |i: usize| self.matrix[i * n..(i + 1) * n].iter().zip(&s.r).map(|(w, r)| w * r).sum::<f64>();
+                b.iter_mut().zip(held.iter()).for_each(|(b, &(_, i))| *b -= pushed(i));
+            }
             solver.solve(b);
             for (&(k, i), b) in held.iter().zip(b.iter()) {
                 s.r[i] += b;
@@ -250,6 +268,19 @@ impl Problem {
         }
         self.residual_to(&s.r, &mut s.z);
         true
+    }
+
+    /// Writes the forces that are given, and the friction that follows from them. Are there any?
+    fn give(&self, states: &[State], r: &mut [f64]) -> bool {
+        let mut any = false;
+        for (p, state) in self.parts.iter().zip(states).filter(|(p, _)| p.kind == Kind::Joint) {
+            any = true;
+            r[p.first] = 1.0;
+            if let State::Slides(d) = state {
+                (0..p.n_t).for_each(|l| r[p.first + 1 + l] = -p.friction * d[l]);
+            }
+        }
+        any
     }
 
     fn residual_to(&self, r: &[f64], z: &mut Vec<f64>) {
@@ -295,13 +326,13 @@ impl Problem {
             let little = |k: usize| ZERO * self.force_scale(p, p.first + k, &s.r).max(self.force_size(p, k));
             let (r, z) = (&s.r[p.first..=p.first + p.n_t], &s.z[p.first..=p.first + p.n_t]);
             match state {
-                State::Open => z[0] >= -zero(0),
+                State::Open => z[0] >= -zero(0) && p.kind.opens(),
                 // what is held is held also where the matrix is singular
                 State::Rests => {
                     let size = r[1..].iter().map(|t| t * t).sum::<f64>().sqrt();
                     let held = z.iter().enumerate().all(|(k, z)| z.abs() <= zero(k));
-                    held && r[0] >= -little(0)
-                        && size <= p.friction * r[0].max(0.0) + (1..=p.n_t).map(little).fold(0.0, f64::max)
+                    held && (r[0] >= -little(0) || p.kind == Kind::Bilateral)
+                        && size <= p.stiction * r[0].max(0.0) + (1..=p.n_t).map(little).fold(0.0, f64::max)
                 }
                 State::Slides(d) => {
                     let along: f64 = z[1..].iter().zip(d).map(|(z, d)| z * d).sum();
@@ -384,11 +415,11 @@ impl Problem {
         let mut out = vec![s];
         for (k, p) in self.parts.iter().enumerate() {
             let (i, s) = (p.first, &out[0]);
-            let zero = ZERO * self.force_scale(p, i, &s.r);
+            let zero = ZERO * self.force_scale(p, p.lead(), &s.r);
             let size = s.r[i + 1..=i + p.n_t].iter().map(|t| t * t).sum::<f64>().sqrt();
             let mut others = Vec::new();
             match s.states[k] {
-                State::Rests if p.n_t > 0 && size > 0.0 && p.friction * s.r[i] - size <= zero => {
+                State::Rests if p.n_t > 0 && size > 0.0 && p.stiction * s.r[i] - size <= zero => {
                     let mut d = [0.0; 2];
                     d.iter_mut().zip(&s.r[i + 1..=i + p.n_t]).for_each(|(d, r)| *d = -r / size);
                     others.push(State::Slides(d));
@@ -398,7 +429,7 @@ impl Problem {
                 }
                 _ => {}
             }
-            if s.states[k] != State::Open && s.r[i] <= zero {
+            if s.states[k] != State::Open && s.r[i] <= zero && p.kind.opens() {
                 others.push(State::Open);
             }
             let base = out[0].clone();
@@ -414,13 +445,17 @@ impl Problem {
     /// Puts the forces of a contact into its cone.
     fn admit(&self, p: &Part, r: &mut [f64]) {
         let i = p.first;
-        r[i] = r[i].max(0.0);
+        match p.kind {
+            Kind::Unilateral => r[i] = r[i].max(0.0),
+            Kind::Joint => r[i] = 1.0,
+            Kind::Bilateral => {}
+        }
         let most = p.friction * r[i];
         let size = r[i + 1..=i + p.n_t].iter().map(|t| t * t).sum::<f64>().sqrt();
         for k in 0..p.n_t {
             match p.slides {
                 Some(d) => r[i + 1 + k] = -most * d[k],
-                None if size > most => r[i + 1 + k] *= most / size,
+                None if size > p.stiction * r[i] => r[i + 1 + k] *= most / size,
                 None => {}
             }
         }
@@ -440,8 +475,9 @@ impl Problem {
             }
             None => self.matrix[i * n + i],
         };
-        if slope > 0.0 {
-            r[i] = (r[i] - z(i, r) / slope).max(0.0);
+        if slope > 0.0 && p.lead() == i {
+            let least = if p.kind.opens() { 0.0 } else { f64::NEG_INFINITY };
+            r[i] = (r[i] - z(i, r) / slope).max(least);
         }
         match p.slides {
             Some(d) => (0..p.n_t).for_each(|k| r[i + 1 + k] = -p.friction * d[k] * r[i]),
@@ -449,13 +485,13 @@ impl Problem {
                 let w = (1..=p.n_t).map(|k| self.matrix[(i + k) * n + i + k]).fold(0.0, f64::max);
                 let trial: Vec<f64> = (1..=p.n_t).map(|k| r[i + k] - z(i + k, r) / w.max(f64::MIN_POSITIVE)).collect();
                 let size = trial.iter().map(|t| t * t).sum::<f64>().sqrt();
-                let most = p.friction * r[i];
-                let factor = if size > most { most / size } else { 1.0 };
+                let (most, holds) = (p.friction * r[i], p.stiction * r[i]);
+                let factor = if size > holds { most / size } else { 1.0 };
                 trial.iter().enumerate().for_each(|(k, t)| r[i + 1 + k] = factor * t);
             }
             None => {}
         }
-        let unit = self.force_size(p, 0).max(f64::MIN_POSITIVE);
+        let unit = self.force_size(p, p.lead() - i).max(f64::MIN_POSITIVE);
         before.iter().zip(&r[i..]).fold(0.0f64, |m, (a, b)| m.max((a - b).abs() / unit))
     }
 
@@ -463,8 +499,8 @@ impl Problem {
     fn classify(&self, r: &[f64]) -> Solution {
         let z = self.residual(r);
         let states = self.parts.iter().map(|p| {
-            let (i, unit) = (p.first, self.force_scale(p, p.first, r));
-            if r[i] <= ZERO * unit {
+            let (i, unit) = (p.first, self.force_scale(p, p.lead(), r));
+            if r[i] <= ZERO * unit && p.kind.opens() {
                 return State::Open;
             }
             if let Some(d) = p.slides {
@@ -528,9 +564,12 @@ impl Problem {
         for p in &self.parts {
             let i = p.first;
             let rho = 1.0 / self.matrix[i * n + i].max(f64::MIN_POSITIVE);
-            let unit = self.force_size(p, 0).max(f64::MIN_POSITIVE);
-            let active = r[i] - rho * z[i] > 0.0;
-            if active {
+            let unit = self.force_size(p, p.lead() - i).max(f64::MIN_POSITIVE);
+            let active = r[i] - rho * z[i] > 0.0 || p.kind == Kind::Bilateral;
+            if p.kind == Kind::Joint {
+                f[i] = r[i] - 1.0;
+                jac[i * n + i] = 1.0;
+            } else if active {
                 f[i] = rho * z[i];
                 (0..n).for_each(|j| jac[i * n + j] = rho * self.matrix[i * n + j]);
             } else {
@@ -555,10 +594,10 @@ impl Problem {
             let rho = 1.0 / w.max(f64::MIN_POSITIVE);
             let y: Vec<f64> = (1..=p.n_t).map(|k| r[i + k] - rho * z[i + k]).collect();
             let size = y.iter().map(|y| y * y).sum::<f64>().sqrt();
-            let most = p.friction * r[i].max(0.0);
+            let (most, holds) = (p.friction * r[i].max(0.0), p.stiction * r[i].max(0.0));
             for k in 0..p.n_t {
                 let row = i + 1 + k;
-                if size <= most {
+                if size <= holds {
                     f[row] = rho * z[row];
                     (0..n).for_each(|j| jac[row * n + j] = rho * self.matrix[row * n + j]);
                 } else {
@@ -589,7 +628,7 @@ mod tests {
     use super::*;
 
     fn part(first: usize, n_t: usize, friction: f64) -> Part {
-        Part { first, n_t, friction, slides: None, size: 1.0 }
+        Part { first, n_t, friction, stiction: friction, kind: Kind::Unilateral, slides: None, size: 1.0 }
     }
 
     #[test]

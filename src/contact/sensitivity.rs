@@ -165,9 +165,16 @@ impl Dynamics {
         let (n_v, room) = (self.mechanics.n_v, (&mut self.buffer[..], &mut self.work[..]));
         let row = |r: usize| match r {
             1 => Some((0, 1.0)),
-            r if r >= 3 + n_v && (r - 3 - n_v) % (2 + n_v) == 0 => Some((1 + (r - 3 - n_v) / (2 + n_v), 1.0)),
-            _ => None,
+            r => c.sliding_at(n_v, r).map(|k| (1 + k, 1.0)),
         };
+        add_jacobian(c.motion.as_ref(), at, columns, &row, out, room)
+    }
+
+    /// Derivatives of the coefficient of friction of contact `i` for sticking, added to a row.
+    pub(super) fn add_bound(&mut self, at: &At, i: usize, columns: &Columns, out: &mut [f64]) -> EvalResult {
+        let c = &self.mechanics.contacts[i];
+        let (place, room) = (c.stiction_at(self.mechanics.n_v), (&mut self.buffer[..], &mut self.work[..]));
+        let row = |r: usize| (r == place).then_some((0, 1.0));
         add_jacobian(c.motion.as_ref(), at, columns, &row, out, room)
     }
 
@@ -204,6 +211,12 @@ impl Dynamics {
     pub(crate) fn friction_gradients(&mut self, at: &At, i: usize, out: &mut [f64]) -> EvalResult {
         let columns = self.columns(at);
         self.add_motion(at, i, &columns, out)
+    }
+
+    /// Adds the gradient of the coefficient of friction of contact `i` for sticking to a row.
+    pub(crate) fn bound_gradient(&mut self, at: &At, i: usize, out: &mut [f64]) -> EvalResult {
+        let columns = self.columns(at);
+        self.add_bound(at, i, &columns, out)
     }
 
     /// The parameters, then accelerations and forces.

@@ -11,6 +11,7 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::problem::{Part, Problem, Solution, State};
+use crate::system::Kind;
 
 /// Eigenvalues below this share of the largest are zero, as in [`super::least_norm`].
 const RANK: f64 = 1e-11;
@@ -35,9 +36,12 @@ struct Cones {
 impl Cones {
     fn add(&mut self, problem: &Problem, p: &Part, state: &State, r: &[f64]) {
         let i = p.first;
-        let unit = problem.force_scale(p, i, r).max(f64::MIN_POSITIVE);
-        let mu = p.friction;
+        let unit = problem.force_scale(p, p.lead(), r).max(f64::MIN_POSITIVE);
+        let mu = if *state == State::Rests { p.stiction } else { p.friction };
         match state {
+            State::Slides(_) if p.kind == Kind::Joint => {}
+            // either sign is as good
+            _ if p.kind == Kind::Bilateral => self.columns.push(vec![(i, 1.0)]),
             State::Slides(d) => {
                 let friction = (0..p.n_t).map(|k| (i + 1 + k, -mu * d[k]));
                 self.columns.push(std::iter::once((i, 1.0)).chain(friction).collect());
@@ -48,7 +52,7 @@ impl Cones {
                 self.distances.push(vec![(i, 1.0 / unit)]);
             }
             _ => {
-                self.columns.extend((i..=i + p.n_t).map(|i| vec![(i, 1.0)]));
+                self.columns.extend((p.lead()..=i + p.n_t).map(|i| vec![(i, 1.0)]));
                 let mut add = |most: f64, d: [f64; 2]| {
                     let friction = (0..p.n_t).map(|k| (i + 1 + k, -d[k] / unit));
                     self.distances.push(std::iter::once((i, most / unit)).chain(friction).collect());

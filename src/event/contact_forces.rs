@@ -17,7 +17,8 @@ impl Run {
     }
 
     /// Contact forces at a time, for every contact the normal force and the tangential ones in the order of the tangents; zero
-    /// where it is open. Forces, not impulses: those are in [`Run::impacts`].
+    /// where it is open. Dry friction at a joint stands behind a zero, and the force of a constraint has either sign. Forces, not impulses:
+    /// those are in [`Run::impacts`].
     ///
     /// # Errors
     /// [`Error::State`] without contacts, or without dense output where `t` is not the end.
@@ -41,7 +42,7 @@ impl Run {
         }
         let at = Point { t, x: &x, u: &phase.u, p: &phase.p };
         match dynamics.accelerate(&at, &modes) {
-            Ok(()) => Ok(dynamics.forces.clone()),
+            Ok(()) => Ok((0..).zip(&dynamics.forces).map(|(i, f)| dynamics.of_results(i, *f)).collect()),
             Err(_) => Err(Error::NonFinite(format!("the contact forces are not defined at t = {t}"))),
         }
     }

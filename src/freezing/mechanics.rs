@@ -13,6 +13,7 @@ pub(super) fn equations(dag: &mut Dag, m: &Mechanics) -> Result<Equations> {
     if m.order == Order::First {
         return Err(Error::Unsupported("a projected system has no velocities: it is no mechanical scene".into()));
     }
+    m.check_plain("time-freezing")?;
     let mut rates = load(dag, &m.smooth)?;
     let force = rates.split_off(m.n_q);
     let inertia = match &m.inertia {

@@ -67,6 +67,7 @@ impl SceneFunctions {
                     .into(),
             ));
         }
+        m.check_plain("optimal control")?;
         if let Some(c) = m.contacts.iter().find(|c| c.n_tangents > 1) {
             return Err(Error::Unsupported(format!(
                 "contact {} has friction in space, which optimal control does not know: give it one tangent, or none",

@@ -255,12 +255,11 @@ pub(super) fn projected_with_cost(
     let all = || (0..to.n_in()).collect::<Vec<usize>>();
     let smooth = Stack::of("f0", to, vec![(cost, all()), (slopes, all()), (gather(&m.smooth), all())]);
     let contact = |c: &Contact| Contact {
-        name: c.name.clone(),
-        n_tangents: c.n_tangents,
         gap: gather(&c.gap),
         motion: gather(&c.motion),
         reaction: gather(&c.reaction),
         local: None,
+        ..c.clone()
     };
     let inertia = match &m.inertia {
         Inertia::Varying { matrix, product } => Inertia::Varying { matrix: gather(matrix), product: gather(product) },

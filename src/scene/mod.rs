@@ -4,6 +4,8 @@
 //! q̇ = N(q) v,    M(q) v̇ = f_v(q,v,u,p,t) + contact forces,    0 ≤ λ_i ⊥ g_i(q,t) ≥ 0,   friction
 //! ```
 //!
+//! Beside contacts stand dry friction at joints ([`Friction`]) and constraints ([`Constraint`]).
+//!
 //! The user writes coordinates, inertia, forces and gaps; normals, the rates of gaps, what is centrifugal in them and all
 //! derivatives follow by differentiation (section 8.1 of the thesis). In the graph the states are `q`, then `v`.
 //!
@@ -46,7 +48,7 @@ use crate::memory::sizes;
 use crate::model::bounds::{Bounds, Interval, ALL};
 use crate::model::Names;
 use crate::system::Projection;
-use crate::system::{self, ImpactLaw, Inertia, Mechanics, Order, SharedFunction, System};
+use crate::system::{self, ImpactLaw, Inertia, Kind, Mechanics, Order, SharedFunction, System};
 
 /// A contact as the user states it.
 #[derive(Debug, Clone)]
@@ -72,6 +74,86 @@ impl Contact {
     }
 }
 
+/// Dry friction at a joint, or wherever something slides under a load of its own: a force `τ` along the sliding velocity `s = Bᵀ v + …`,
+/// opposite to it, with a bound that is given.
+///
+/// ```text
+/// τ = −F s/|s| where it slides,    |τ| ≤ F_s where s = 0,    0 ≤ F ≤ F_s
+/// ```
+///
+/// A bound that depends on `s` makes a curve of Stribeck. An impact does not know this friction: it is a finite force.
+#[derive(Debug, Clone)]
+pub struct Friction {
+    /// Name in messages, reports and results, where it stands among the contacts.
+    pub name: String,
+    /// What slides: an expression of coordinates, parameters and time whose rate is the sliding velocity, or, where it contains velocities,
+    /// that velocity itself, linear in them. The force is in its unit: a torque for an angle.
+    pub sliding: Id,
+    /// The bound `F`, a smooth expression of states, controls, parameters and time that is not negative.
+    pub bound: Id,
+    /// The bound `F_s` for sticking, not less than the other; None: the same.
+    pub stiction: Option<Id>,
+}
+
+impl Friction {
+    /// Friction that sticks by the bound it slides with.
+    pub fn new(name: &str, sliding: Expr, bound: Expr) -> Friction {
+        Friction { name: name.to_owned(), sliding: sliding.id(), bound: bound.id(), stiction: None }
+    }
+}
+
+/// A constraint: `c(q, p, t) = 0`, or `A(q) v + b = 0` where the expression contains velocities. It is a contact that never opens: its force
+/// has either sign, and in impacts it has an impulse.
+#[derive(Debug, Clone)]
+pub struct Constraint {
+    /// Name in messages, reports and results, where it stands among the contacts.
+    pub name: String,
+    /// What is zero: a smooth expression of coordinates, parameters and time, or one that is linear in the velocities.
+    pub zero: Id,
+}
+
+impl Constraint {
+    /// A constraint of this name.
+    pub fn new(name: &str, zero: Expr) -> Constraint {
+        Constraint { name: name.to_owned(), zero: zero.id() }
+    }
+}
+
+/// What stands among the contacts of a scene.
+#[derive(Debug, Clone)]
+enum Part {
+    /// A contact, with the coefficient of friction for sticking if that is another.
+    Contact(Contact, Option<Id>),
+    Friction(Friction),
+    Constraint(Constraint),
+}
+
+impl Part {
+    fn name(&self) -> &str {
+        match self {
+            Part::Contact(c, _) => &c.name,
+            Part::Friction(f) => &f.name,
+            Part::Constraint(c) => &c.name,
+        }
+    }
+
+    /// The gap of a contact that can open.
+    fn gap(&self) -> Option<Id> {
+        match self {
+            Part::Contact(c, _) => Some(c.gap),
+            _ => None,
+        }
+    }
+}
+
+/// A part of a scene as the functions of a contact are made of it.
+#[derive(Debug, Clone)]
+struct Stated {
+    contact: Contact,
+    kind: Kind,
+    stiction: Option<Id>,
+}
+
 /// A scene: sizes, equations of motion, contacts.
 #[derive(Debug, Clone)]
 pub struct Scene {
@@ -84,7 +166,7 @@ pub struct Scene {
     rates: Option<Vec<Id>>,
     inertia: Option<Vec<Id>>,
     force: Vec<Option<Id>>,
-    contacts: Vec<Contact>,
+    contacts: Vec<Part>,
     /// Contacts by their gaps and by their names.
     by_gap: BTreeMap<Id, usize>,
     by_name: BTreeMap<String, usize>,
@@ -192,16 +274,69 @@ impl Scene {
         if let Some(other) = self.by_gap.get(&c.gap).and_then(|&o| self.contacts.get(o)) {
             return Err(Error::State(format!(
                 "contact {name} has the gap of contact {}: the same contact twice would share its force at will",
-                other.name
+                other.name()
             )));
         }
+        self.check_name(name)?;
+        self.by_gap.insert(c.gap, k);
+        Ok(self.add(Part::Contact(c, None)))
+    }
+
+    /// Sets the coefficient of friction by which a contact sticks, where it is larger than that by which it slides: an expression of
+    /// coordinates, parameters and time. Impacts know the coefficient of sliding only.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for an index that is not that of a contact with tangents.
+    pub fn set_stiction(&mut self, contact: usize, stiction: Id) -> Result<()> {
+        match self.contacts.get_mut(contact) {
+            Some(Part::Contact(c, own)) if !c.tangents.is_empty() => {
+                *own = Some(stiction);
+                Ok(())
+            }
+            Some(part) => Err(Error::Range(format!("{} is no contact with tangents: it cannot stick", part.name()))),
+            None => Err(Error::Range(format!("contact {contact} does not exist: the scene has {}", self.contacts.len()))),
+        }
+    }
+
+    /// Adds dry friction at a joint and returns its index among the contacts.
+    ///
+    /// # Errors
+    /// [`Error::State`] for a name that is there already, [`Error::Unsupported`] for projected systems.
+    pub fn add_friction(&mut self, f: Friction) -> Result<usize> {
+        self.check_name(&f.name)?;
+        self.check_mechanical("dry friction")?;
+        Ok(self.add(Part::Friction(f)))
+    }
+
+    /// Adds a constraint and returns its index among the contacts.
+    ///
+    /// # Errors
+    /// [`Error::State`] for a name that is there already, [`Error::Unsupported`] for projected systems.
+    pub fn add_constraint(&mut self, c: Constraint) -> Result<usize> {
+        self.check_name(&c.name)?;
+        self.check_mechanical("a constraint that is always closed")?;
+        Ok(self.add(Part::Constraint(c)))
+    }
+
+    fn check_name(&self, name: &str) -> Result<()> {
         if self.by_name.contains_key(name) {
             return Err(Error::State(format!("there is a contact {name} already: give each a name of its own")));
         }
-        self.by_gap.insert(c.gap, k);
-        self.by_name.insert(name.clone(), k);
-        self.contacts.push(c);
-        Ok(k)
+        Ok(())
+    }
+
+    fn check_mechanical(&self, what: &str) -> Result<()> {
+        if self.order == Order::First {
+            return Err(Error::Unsupported(format!("a projected system has no velocities, and takes no {what}")));
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, part: Part) -> usize {
+        let k = self.contacts.len();
+        self.by_name.insert(part.name().to_owned(), k);
+        self.contacts.push(part);
+        k
     }
 
     /// Sets the law for several contacts that close at once.
@@ -274,7 +409,7 @@ impl Builder<'_> {
         let (dropped, kept) = self.reachable()?;
         let mut contacts = Vec::new();
         for &k in &kept {
-            contacts.push(self.contact(&s.contacts[k], &rates)?);
+            contacts.push(self.contact(k, &rates)?);
         }
         let mut smooth = rates.clone();
         smooth.extend_from_slice(&force);
@@ -375,7 +510,7 @@ impl Builder<'_> {
     /// gradient there that a force could follow.
     fn reachable(&self) -> Result<(Vec<Dropped>, Vec<usize>)> {
         let s = self.scene;
-        let gaps: Vec<Id> = s.contacts.iter().map(|c| c.gap).collect();
+        let gaps: Vec<Id> = s.contacts.iter().filter_map(Part::gap).collect();
         let anywhere = Bounds::within(self.dag, &gaps, &|_, _| ALL);
         let within = |block: Block, i: usize| match (block, s.bounds.get(i).copied().flatten()) {
             (Block::X, Some((low, high))) => Interval { low, high },
@@ -383,7 +518,11 @@ impl Builder<'_> {
         };
         let bounded = s.bounds.iter().any(Option::is_some).then(|| Bounds::within(self.dag, &gaps, &within));
         let (mut dropped, mut kept) = (Vec::new(), Vec::new());
-        for (k, c) in s.contacts.iter().enumerate() {
+        for (k, part) in s.contacts.iter().enumerate() {
+            let Part::Contact(c, _) = part else {
+                kept.push(k);
+                continue;
+            };
             if self.dag.as_const(c.gap).is_some() || self.sees_motion(c.gap) {
                 // refused below
                 kept.push(k);
@@ -423,11 +562,77 @@ impl Builder<'_> {
             .any(|&n| matches!(self.dag.node(n), crate::expr::Node::Input(b, i) if b == block && i as usize >= from))
     }
 
-    fn contact(&mut self, c: &Contact, rates: &[Id]) -> Result<system::Contact> {
+    fn contact(&mut self, k: usize, rates: &[Id]) -> Result<system::Contact> {
+        let s = self.scene;
+        let zero = self.dag.constant(0.0);
+        let alone = |name: &str, gap: Id| Contact {
+            name: name.to_owned(),
+            gap,
+            tangents: Vec::new(),
+            friction: zero,
+            restitution: zero,
+        };
+        let stated = match &s.contacts[k] {
+            Part::Contact(c, stiction) => return self.unilateral(c, *stiction, rates),
+            Part::Friction(f) => {
+                self.check_friction(f)?;
+                let contact = Contact { tangents: vec![f.sliding], friction: f.bound, ..alone(&f.name, zero) };
+                Stated { contact, kind: Kind::Joint, stiction: f.stiction }
+            }
+            Part::Constraint(c) => {
+                let what = format!("constraint {}", c.name);
+                self.check_smooth(&what, c.zero)?;
+                if self.depends(c.zero, Block::U, 0) {
+                    return Err(Error::Range(format!(
+                        "{what}, {}, depends on controls: it may depend on coordinates, velocities, parameters and time",
+                        self.text(c.zero)
+                    )));
+                }
+                Stated { contact: alone(&c.name, c.zero), kind: Kind::Bilateral, stiction: None }
+            }
+        };
+        self.shaped(&stated, rates)
+    }
+
+    /// Checks the expressions of dry friction.
+    fn check_friction(&self, f: &Friction) -> Result<()> {
+        let name = &f.name;
+        self.check_smooth(&format!("what slides at joint {name}"), f.sliding)?;
+        if self.depends(f.sliding, Block::U, 0) {
+            return Err(Error::Range(format!(
+                "what slides at joint {name}, {}, depends on controls: it may depend on coordinates, velocities, parameters \
+                 and time",
+                self.text(f.sliding)
+            )));
+        }
+        let bounds = [Some(f.bound), f.stiction];
+        for bound in bounds.into_iter().flatten() {
+            self.check_smooth(&format!("the bound of friction {name}"), bound)?;
+            if let Some(v) = self.dag.as_const(bound).filter(|v| !(*v >= 0.0 && v.is_finite())) {
+                return Err(Error::Range(format!("the bound of friction {name} is {v}: it must not be negative")));
+            }
+        }
+        self.check_stiction(&format!("joint {name}"), f.bound, f.stiction)
+    }
+
+    /// Is what sticks held by no less than what slides, where both are constants?
+    fn check_stiction(&self, what: &str, slides: Id, sticks: Option<Id>) -> Result<()> {
+        let Some(sticks) = sticks else { return Ok(()) };
+        match (self.dag.as_const(slides), self.dag.as_const(sticks)) {
+            (Some(a), Some(b)) if !(b >= a) => Err(Error::Range(format!(
+                "{what} sticks by {b} and slides with {a}: what holds must not be less"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    fn unilateral(&mut self, c: &Contact, stiction: Option<Id>, rates: &[Id]) -> Result<system::Contact> {
         let s = self.scene;
         let name = &c.name;
         self.check_smooth(&format!("the gap of contact {name}"), c.gap)?;
-        for (what, id) in [("gap", c.gap), ("friction", c.friction), ("restitution", c.restitution)] {
+        let mut parts = vec![("gap", c.gap), ("friction", c.friction), ("restitution", c.restitution)];
+        parts.extend(stiction.map(|id| ("friction for sticking", id)));
+        for (what, id) in parts {
             self.check_smooth(&format!("the {what} of contact {name}"), id)?;
             if self.sees_motion(id) {
                 return Err(Error::Range(format!(
@@ -437,6 +642,7 @@ impl Builder<'_> {
                 )));
             }
         }
+        self.check_stiction(&format!("contact {name}"), c.friction, stiction)?;
         for (what, id, most) in [("friction", c.friction, f64::MAX), ("restitution", c.restitution, 1.0)] {
             if let Some(v) = self.dag.as_const(id).filter(|v| !(*v >= 0.0 && *v <= most)) {
                 let range = if most == 1.0 { "between 0 and 1" } else { "not negative" };
@@ -450,10 +656,12 @@ impl Builder<'_> {
                     "constraint {name} of a projected system has tangents, friction or restitution: there are no velocities"
                 )));
             }
-            return self.shaped(c, &[], rates);
+            let contact = Contact { tangents: Vec::new(), ..c.clone() };
+            return self.shaped(&Stated { contact, kind: Kind::Unilateral, stiction: None }, rates);
         }
         // without friction there is nothing to slide along; friction that nothing slides along would be ignored
-        let frictionless = self.dag.as_const(c.friction) == Some(0.0);
+        let zero = |id: Id| self.dag.as_const(id) == Some(0.0);
+        let frictionless = zero(c.friction) && stiction.is_none_or(zero);
         if !frictionless && c.tangents.is_empty() {
             return Err(Error::Range(format!(
                 "contact {} has friction and no tangents: give one in the plane, two in space",
@@ -464,13 +672,26 @@ impl Builder<'_> {
         for &tangent in tangents {
             self.check_smooth(&format!("a tangent of contact {name}"), tangent)?;
         }
-        self.shaped(c, tangents, rates)
+        let contact = Contact { tangents: tangents.to_vec(), ..c.clone() };
+        let stiction = stiction.filter(|_| !frictionless);
+        self.shaped(&Stated { contact, kind: Kind::Unilateral, stiction }, rates)
     }
 
     /// What is wrong with a contact, in words.
-    fn flaw(&self, c: &Contact, tangents: &[Id], flaw: Flaw) -> Error {
+    fn flaw(&self, s: &Stated, flaw: Flaw) -> Error {
+        let c = &s.contact;
         let name = &c.name;
         match flaw {
+            Flaw::Gap if s.kind == Kind::Bilateral => {
+                Error::Range(format!("constraint {name}, {}, does not depend on anything that moves", self.text(c.gap)))
+            }
+            Flaw::Linear => Error::Range(format!(
+                "constraint {name}, {}, contains velocities: then it must be linear in them",
+                self.text(c.gap)
+            )),
+            Flaw::Tangent(k, why) if s.kind == Kind::Joint => {
+                Error::Range(format!("what slides at joint {name}, {}, {why}", self.text(c.tangents[k])))
+            }
             Flaw::Gap if self.scene.order == Order::First => {
                 Error::Range(format!("constraint {name}, {}, does not depend on any state", self.text(c.gap)))
             }
@@ -479,26 +700,29 @@ impl Builder<'_> {
                 self.text(c.gap)
             )),
             Flaw::Tangent(k, why) => {
-                Error::Range(format!("a tangent of contact {name}, {}, {why}", self.text(tangents[k])))
+                Error::Range(format!("a tangent of contact {name}, {}, {why}", self.text(c.tangents[k])))
             }
             Flaw::Other(e) => e,
         }
     }
 
     /// The functions of a contact: those of another one that is alike, or new ones.
-    fn shaped(&mut self, c: &Contact, tangents: &[Id], rates: &[Id]) -> Result<system::Contact> {
+    fn shaped(&mut self, stated: &Stated, rates: &[Id]) -> Result<system::Contact> {
         let (s, dims) = (self.scene, self.scene.dims());
-        let Ok(excerpt) = Excerpt::new(self.dag, s, c, tangents, rates) else {
+        let c = &stated.contact;
+        let Ok(excerpt) = Excerpt::new(self.dag, s, stated, rates) else {
             // what cannot be copied is differentiated where it is
             let parts = Parts {
+                kind: stated.kind,
                 gap: c.gap,
                 friction: c.friction,
                 restitution: c.restitution,
-                tangents: tangents.to_vec(),
+                tangents: c.tangents.clone(),
+                stiction: stated.stiction,
                 rates: rates.to_vec(),
             };
             let made = Shape::new(&mut self.frame(), s.order, &c.name, &parts);
-            let shape = made.map_err(|e| self.flaw(c, tangents, e))?;
+            let shape = made.map_err(|e| self.flaw(stated, e))?;
             return Ok(shape.contact(&c.name, &Places::all(s.n_q, s.n_v), dims));
         };
         let key = excerpt.key(&c.name);
@@ -506,7 +730,7 @@ impl Builder<'_> {
             Some(shape) => shape.clone(),
             None => {
                 let made = excerpt.shape(self.dag.external_functions(), s.order, &c.name, dims);
-                let shape = made.map_err(|e| self.flaw(c, tangents, e))?;
+                let shape = made.map_err(|e| self.flaw(stated, e))?;
                 self.alike.insert(key, shape.clone());
                 shape
             }
@@ -521,8 +745,8 @@ impl Builder<'_> {
         if s.order != Order::First {
             return Ok(None);
         }
-        let moving = |c: &&Contact| self.dag.as_const(c.gap).is_none();
-        let gaps: Vec<Id> = s.contacts.iter().filter(moving).map(|c| c.gap).collect();
+        let moving = |gap: &Id| self.dag.as_const(*gap).is_none();
+        let gaps: Vec<Id> = s.contacts.iter().filter_map(Part::gap).filter(moving).collect();
         let x = self.dag.inputs(Block::X, s.n_v);
         let multipliers: Vec<Id> = (0..gaps.len()).map(|i| self.dag.input(Block::X, s.n_v + i)).collect();
         let mut push = vec![self.dag.constant(0.0); s.n_v];

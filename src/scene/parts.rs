@@ -1,6 +1,6 @@
 //! A scene taken apart: equations of motion and contacts as expressions, for other formulations of the same mechanics.
 
-use super::{Builder, Scene};
+use super::{Builder, Part, Scene};
 use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, Id};
 use crate::system::Order;
@@ -71,13 +71,15 @@ impl Scene {
             return Err(Error::Unsupported("a projected system has no velocities: it is no mechanical scene".into()));
         }
         // what can be wrong is said there
-        self.build_in(dag)?;
+        if let Some(m) = self.build_in(dag)?.system.mechanics() {
+            m.check_plain("time-freezing")?;
+        }
         let mut b = Builder { scene: self, dag, alike: std::collections::BTreeMap::new() };
         let (rates, force) = (b.rates()?, b.force()?);
         let (_, kept) = b.reachable()?;
         let mut contacts = Vec::new();
         for k in kept {
-            let c = &self.contacts[k];
+            let Part::Contact(c, _) = &self.contacts[k] else { continue };
             let rate = b.frame().along_motion(c.gap, &rates)?;
             let normal = b.along(rate)?;
             let frictionless = b.dag.as_const(c.friction) == Some(0.0);

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::Scene;
-use crate::system::{ImpactLaw, Inertia, Mechanics};
+use crate::system::{ImpactLaw, Inertia, Kind, Mechanics};
 
 /// A contact that the simulation has.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -12,6 +12,8 @@ pub struct ContactReport {
     pub contact: usize,
     /// Its name.
     pub name: String,
+    /// What it is: a contact, dry friction at a joint, a constraint.
+    pub kind: Kind,
     /// Components of the sliding velocity; 0 without friction.
     pub n_tangents: usize,
     /// Functions that an event-driven simulation watches while the contact is open, slides, sticks.
@@ -59,12 +61,15 @@ impl Report {
             contact,
             name: c.name.clone(),
             n_tangents: c.n_tangents,
-            watched: match c.n_tangents {
-                0 => [1, 1, 1],
-                1 => [1, 2, 3],
+            kind: c.kind,
+            watched: match (c.kind, c.n_tangents) {
+                (Kind::Bilateral, _) => [0, 0, 0],
+                (Kind::Joint, _) => [0, 1, 2],
+                (_, 0) => [1, 1, 1],
+                (_, 1) => [1, 2, 3],
                 _ => [1, 2, 2],
             },
-            unknowns: 1 + c.n_tangents,
+            unknowns: usize::from(c.kind != Kind::Joint) + c.n_tangents,
         };
         Report {
             name: s.name.clone(),
@@ -86,12 +91,23 @@ impl fmt::Display for Report {
             writeln!(f, "no contacts: a smooth model")?;
         }
         for c in &self.contacts {
+            let [open, slips, sticks] = c.watched;
+            match c.kind {
+                Kind::Unilateral => {}
+                Kind::Joint => {
+                    writeln!(f, "joint {}: dry friction; watched while sliding {slips}, sticking {sticks}", c.name)?;
+                    continue;
+                }
+                Kind::Bilateral => {
+                    writeln!(f, "constraint {}: always closed; 1 force", c.name)?;
+                    continue;
+                }
+            }
             let friction = match c.n_tangents {
                 0 => "no friction",
                 1 => "friction in the plane",
                 _ => "friction in space",
             };
-            let [open, slips, sticks] = c.watched;
             let one = |n: usize| if n == 1 { "1 force".to_owned() } else { format!("{n} forces") };
             writeln!(
                 f,
@@ -111,8 +127,13 @@ impl Report {
     /// The report as one object of JSON.
     pub fn json(&self) -> String {
         let contact = |c: &ContactReport| {
+            let kind = match c.kind {
+                Kind::Unilateral => "contact",
+                Kind::Joint => "friction",
+                Kind::Bilateral => "constraint",
+            };
             serde_json::json!({
-                "contact": c.contact, "name": c.name, "tangents": c.n_tangents, "unknowns": c.unknowns,
+                "contact": c.contact, "name": c.name, "kind": kind, "tangents": c.n_tangents, "unknowns": c.unknowns,
                 "watched": {"open": c.watched[0], "sliding": c.watched[1], "sticking": c.watched[2]},
             })
         };

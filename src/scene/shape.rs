@@ -6,11 +6,11 @@
 use std::sync::{Arc, OnceLock};
 
 use super::embedded::Embedded;
-use super::{Contact, Scene};
+use super::{Scene, Stated};
 use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, Id, Node, SavedGraph};
 use crate::func::{Dims, Function};
-use crate::system::{self, Local, Order, SharedFunction};
+use crate::system::{self, Kind, Local, Order, SharedFunction};
 
 /// Systems with so many states, and fewer, have functions of all of them: to pick a few of them out takes longer.
 const FEW: usize = 16;
@@ -107,11 +107,12 @@ impl Frame<'_> {
     }
 
     /// The contact as functions of the states that occur in it.
-    fn local(&mut self, name: &str, parts: &Parts, motions: &[&Motion]) -> Result<Local> {
+    fn local(&mut self, name: &str, gap: Id, parts: &Parts, motions: &[&Motion]) -> Result<Local> {
         let (n_q, dims) = (self.n_q, self.dims);
         let zero = self.dag.constant(0.0);
         let along = || motions.iter().map(|m| &m.along);
-        let mut all = vec![parts.gap, parts.friction, parts.restitution];
+        let mut all = vec![gap, parts.friction, parts.restitution];
+        all.extend(parts.stiction);
         all.extend(motions.iter().map(|m| m.rate));
         all.extend(along().flatten().filter(|a| **a != zero));
         let mut touched: Vec<usize> = Vec::new();
@@ -132,11 +133,12 @@ impl Frame<'_> {
             }
             rows.extend(velocities.iter().map(|&i| m.along[i]));
         }
+        rows.extend(parts.stiction);
         let place = |block: Block, i: usize| match block {
             Block::X => touched.binary_search(&i).unwrap_or(i),
             _ => i,
         };
-        let (gap, rows) = (self.dag.renumber(&[parts.gap], &place), self.dag.renumber(&rows, &place));
+        let (gap, rows) = (self.dag.renumber(&[gap], &place), self.dag.renumber(&rows, &place));
         let dims = Dims { x: touched.len(), ..dims };
         let gap = self.function(&format!("gap of {name} and contacts alike"), dims, &gap)?;
         let rows = self.function(&format!("normal and tangents of {name} and contacts alike"), dims, &rows)?;
@@ -149,6 +151,8 @@ impl Frame<'_> {
 pub(super) enum Flaw {
     /// Its gap does not depend on anything that moves.
     Gap,
+    /// It contains velocities and is not linear in them.
+    Linear,
     /// Something of this tangent.
     Tangent(usize, &'static str),
     Other(Error),
@@ -162,10 +166,13 @@ impl From<Error> for Flaw {
 
 /// The expressions of a contact, and the rates of the coordinates.
 pub(super) struct Parts {
+    pub(super) kind: Kind,
+    /// The gap; of a constraint what is zero.
     pub(super) gap: Id,
     pub(super) friction: Id,
     pub(super) restitution: Id,
     pub(super) tangents: Vec<Id>,
+    pub(super) stiction: Option<Id>,
     pub(super) rates: Vec<Id>,
 }
 
@@ -196,17 +203,22 @@ impl Places {
 /// What a contact depends on, copied.
 pub(super) struct Excerpt {
     graph: SavedGraph,
+    kind: Kind,
     n_tangents: usize,
+    stiction: bool,
     pub(super) places: Places,
 }
 
 impl Excerpt {
-    /// Copies the gap, friction, restitution and tangents of a contact, and the rates of all coordinates that occur in these,
+    /// Copies the gap, friction, restitution, tangents and stiction of a contact, and the rates of all coordinates that occur in these,
     /// in rates of such coordinates, and so on.
-    pub(super) fn new(dag: &Dag, s: &Scene, c: &Contact, tangents: &[Id], rates: &[Id]) -> Result<Excerpt> {
+    pub(super) fn new(dag: &Dag, s: &Scene, stated: &Stated, rates: &[Id]) -> Result<Excerpt> {
         let (n_q, n_v) = s.sizes();
+        let c = &stated.contact;
+        let (kind, n_tangents, stiction) = (stated.kind, c.tangents.len(), stated.stiction.is_some());
         let mut roots = vec![c.gap, c.friction, c.restitution];
-        roots.extend_from_slice(tangents);
+        roots.extend_from_slice(&c.tangents);
+        roots.extend(stated.stiction);
         let own = roots.len();
         let mut places = if n_q + n_v <= FEW || s.order == Order::First {
             roots.extend_from_slice(rates);
@@ -217,7 +229,7 @@ impl Excerpt {
         loop {
             let graph = SavedGraph::new(dag, &roots)?;
             if places.is_all() {
-                return Ok(Excerpt { graph, n_tangents: tangents.len(), places });
+                return Ok(Excerpt { graph, kind, n_tangents, stiction, places });
             }
             let mut states: Vec<usize> = graph.inputs().filter(|i| i.0 == Block::X).map(|i| i.1).collect();
             states.sort_unstable();
@@ -232,7 +244,7 @@ impl Excerpt {
                     _ => i,
                 };
                 let graph = graph.renumbered(&number);
-                return Ok(Excerpt { graph, n_tangents: tangents.len(), places });
+                return Ok(Excerpt { graph, kind, n_tangents, stiction, places });
             }
             roots.truncate(own);
             roots.extend(places.coordinates.iter().map(|&j| rates[j]));
@@ -243,7 +255,8 @@ impl Excerpt {
     pub(super) fn key(&self, name: &str) -> String {
         let name = if self.places.is_all() { name } else { "" };
         let Places { coordinates, velocities, .. } = &self.places;
-        format!("{name} {} {} {} {:?}", coordinates.len(), velocities.len(), self.n_tangents, self.graph)
+        let (kind, n_t, sticks) = (self.kind, self.n_tangents, self.stiction);
+        format!("{name} {} {} {kind:?} {n_t} {sticks} {:?}", coordinates.len(), velocities.len(), self.graph)
     }
 
     /// The functions; `dims` are the sizes of the system, and `functions` those that expressions may call.
@@ -256,12 +269,15 @@ impl Excerpt {
     ) -> std::result::Result<Arc<Shape>, Flaw> {
         let mut dag = Dag::new();
         let ids = self.graph.restore(&mut dag, functions)?;
-        let (own, rates) = ids.split_at(3 + self.n_tangents);
+        let (own, rates) = ids.split_at(3 + self.n_tangents + usize::from(self.stiction));
+        let (tangents, stiction) = own[3..].split_at(self.n_tangents);
         let parts = Parts {
+            kind: self.kind,
             gap: own[0],
             friction: own[1],
             restitution: own[2],
-            tangents: own[3..].to_vec(),
+            tangents: tangents.to_vec(),
+            stiction: stiction.first().copied(),
             rates: rates.to_vec(),
         };
         let (n_q, n_v) = (self.places.coordinates.len(), self.places.velocities.len());
@@ -272,7 +288,9 @@ impl Excerpt {
 
 /// The functions of a contact, of the states it depends on.
 pub(super) struct Shape {
+    kind: Kind,
     n_tangents: usize,
+    stiction: bool,
     gap: SharedFunction,
     motion: SharedFunction,
     reaction: SharedFunction,
@@ -283,7 +301,18 @@ impl Shape {
     pub(super) fn new(f: &mut Frame, order: Order, name: &str, c: &Parts) -> std::result::Result<Shape, Flaw> {
         let zero = f.dag.constant(0.0);
         let first_order = order == Order::First;
-        let normal = if first_order {
+        let moves = c.kind == Kind::Bilateral && f.depends(c.gap, f.n_q);
+        // what of the gap is a length: a constraint on velocities has none
+        let mut length = c.gap;
+        let normal = if c.kind == Kind::Joint {
+            Motion { rate: zero, along: vec![zero; f.n_v], rest: zero }
+        } else if moves {
+            if !f.is_linear(c.gap)? {
+                return Err(Flaw::Linear);
+            }
+            length = zero;
+            f.motion(c.gap, &c.rates)?
+        } else if first_order {
             // the gradient with respect to the states is the normal, and what is left of the rate is the derivative with
             // respect to time
             let v = f.velocities();
@@ -294,7 +323,7 @@ impl Shape {
             let rate = f.along_motion(c.gap, &c.rates)?;
             f.motion(rate, &c.rates)?
         };
-        if normal.along.iter().all(|n| *n == zero) {
+        if c.kind != Kind::Joint && normal.along.iter().all(|n| *n == zero) {
             return Err(Flaw::Gap);
         }
         let mut motions = vec![normal];
@@ -310,17 +339,19 @@ impl Shape {
         }
         let all: Vec<&Motion> = motions.iter().collect();
         let (what, rate) = if first_order { ("constraint", zero) } else { ("gap of", motions[0].rate) };
-        let gap = f.function(&format!("{what} {name}"), f.dims, &[c.gap, rate])?;
+        let gap = f.function(&format!("{what} {name}"), f.dims, &[length, rate])?;
         let mut motion = vec![motions[0].rest, c.friction, c.restitution];
         motion.extend_from_slice(&motions[0].along);
         for m in &motions[1..] {
             motion.extend_from_slice(&[m.rate, m.rest]);
             motion.extend_from_slice(&m.along);
         }
+        motion.extend(c.stiction);
         let motion = f.function(&format!("motion of {name}"), f.dims, &motion)?;
         let reaction = f.reaction(&format!("reaction of {name}"), &all)?;
-        let local = if first_order { None } else { Some(f.local(name, c, &all)?) };
-        Ok(Shape { n_tangents: c.tangents.len(), gap, motion, reaction, local })
+        let local = if first_order { None } else { Some(f.local(name, length, c, &all)?) };
+        let (kind, stiction) = (c.kind, c.stiction.is_some());
+        Ok(Shape { kind, n_tangents: c.tangents.len(), stiction, gap, motion, reaction, local })
     }
 
     /// The contact whose states stand at these places, in a system of these sizes.
@@ -332,9 +363,10 @@ impl Shape {
             ..l.clone()
         });
         let name = name.to_owned();
+        let (kind, stiction) = (self.kind, self.stiction);
         if at.is_all() {
             let (gap, motion, reaction) = (self.gap.clone(), self.motion.clone(), self.reaction.clone());
-            return system::Contact { name, n_tangents: n, gap, motion, reaction, local };
+            return system::Contact { name, kind, stiction, n_tangents: n, gap, motion, reaction, local };
         }
         let (n_v, np) = (at.sizes.1, dims.p);
         let along = |from: usize| at.velocities.iter().map(move |v| (from + v) as u32);
@@ -344,6 +376,8 @@ impl Shape {
             let from = 3 + n_v + k * (2 + n_v);
             rows.extend((from as u32..from as u32 + 2).chain(along(from + 2)));
         }
+        let length = system::Contact::motion_len(n_v, n);
+        rows.extend(stiction.then_some(length as u32));
         let forces = |from: usize| from as u32..(from + 1 + n) as u32;
         let reaction: Vec<u32> = along(0).chain(forces(n_v)).collect();
         let given: Vec<u32> = parameters.iter().copied().chain(along(np)).chain(forces(np + n_v)).collect();
@@ -362,9 +396,11 @@ impl Shape {
         let extended = Dims { p: np + n_v + 1 + n, ..dims };
         system::Contact {
             gap: embed("gap", &self.gap, parameters.clone(), vec![0, 1], dims, 2),
-            motion: embed("motion", &self.motion, parameters, rows, dims, system::Contact::motion_len(n_v, n)),
+            motion: embed("motion", &self.motion, parameters, rows, dims, length + usize::from(stiction)),
             reaction: embed("reaction", &self.reaction, given, reaction, extended, n_v + 1 + n),
             name,
+            kind,
+            stiction,
             n_tangents: n,
             local,
         }

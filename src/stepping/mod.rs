@@ -21,6 +21,10 @@
 //! no energy of motion, it is of order `h` once per impact and of order `h²` per step on curved gaps, where it takes away the
 //! drift, so the order of the method stays. Momentum and centre of mass are kept: the shift is one along contact forces.
 //!
+//! **Friction at joints and constraints.** The impulse of dry friction at a joint with the bound `F` is at most `h F`, whatever the impacts in
+//! the step; where a larger bound holds what sticks, the impulse is that of sticking if this is in it. A constraint has an impulse of either
+//! sign, `ċ⁺ = 0`, and what is left of `c` at the end of a step is shifted back.
+//!
 //! **Forces are explicit.** `f_v` is taken at the velocities of the start of the step, so steps must resolve it: shorter than
 //! `2/ω` for a spring, `2 m/c` for a damper. What is stiffer than that is better stated as a contact or a constraint.
 //!
@@ -224,7 +228,7 @@ impl Stepper {
             ready: false,
             touched: Touched::new(&contacts, &inertia),
             inertia,
-            near: Near::new(&contacts, m.n_q, options.look_at_all),
+            near: Near::new(&contacts, m.contacts.iter().map(|c| !c.kind.opens()).collect(), m.n_q, options.look_at_all),
             contacts,
             rows: Rows::default(),
             solver: Solver::new(n_v),

@@ -89,6 +89,8 @@ pub(super) struct Near {
     step: u64,
     fresh: bool,
     look_at_all: bool,
+    /// Contacts that cannot open.
+    closed: Vec<bool>,
     /// Contacts looked at in this step.
     list: Vec<usize>,
     /// Contacts whose gap is not positive, increasing, and their gaps.
@@ -103,7 +105,7 @@ pub(super) struct Near {
 }
 
 impl Near {
-    pub(super) fn new(contacts: &Arc<[Local]>, n_q: usize, look_at_all: bool) -> Near {
+    pub(super) fn new(contacts: &Arc<[Local]>, closed: Vec<bool>, n_q: usize, look_at_all: bool) -> Near {
         let n = contacts.len();
         let coordinates = Lists::new(contacts.iter().map(|c| c.coordinates.as_slice()));
         let states = contacts.iter().map(|c| c.gap.dims().x).max().unwrap_or(0);
@@ -122,6 +124,7 @@ impl Near {
             step: 0,
             fresh: true,
             look_at_all,
+            closed,
             list: Vec::with_capacity(n),
             active: Vec::with_capacity(n.min(1024)),
             gaps: Vec::with_capacity(n.min(1024)),
@@ -218,7 +221,7 @@ impl Near {
     fn look_at(&mut self, at: &Place, h: f64, c: usize) -> EvalResult {
         let gap = self.gap(at, c)?;
         self.looked += 1;
-        let rest = if gap <= 0.0 {
+        let rest = if gap <= 0.0 || self.closed[c] {
             self.active.push(c);
             self.gaps.push(gap);
             0

@@ -3,7 +3,7 @@
 use super::inertia::Blocks;
 use super::near::Lists;
 use crate::func::{EvalResult, Point};
-use crate::system::Local;
+use crate::system::{Contact, Kind, Local};
 
 /// What of the contacts does not change: which velocities they touch.
 pub(super) struct Touched {
@@ -52,6 +52,11 @@ pub(super) struct Rows {
     pub(super) contact: Vec<usize>,
     pub(super) first: Vec<usize>,
     pub(super) friction: Vec<f64>,
+    /// Coefficients of friction for sticking.
+    pub(super) stiction: Vec<f64>,
+    pub(super) kind: Vec<Kind>,
+    /// Did it slide in the last sweep?
+    pub(super) slides: Vec<bool>,
     pub(super) restitution: Vec<f64>,
     /// Gap where the functions were evaluated.
     pub(super) gap: Vec<f64>,
@@ -77,6 +82,9 @@ impl Rows {
     pub(super) fn clear(&mut self) {
         self.contact.clear();
         self.friction.clear();
+        self.stiction.clear();
+        self.kind.clear();
+        self.slides.clear();
         self.restitution.clear();
         self.gap.clear();
         self.rate.clear();
@@ -104,24 +112,28 @@ impl Rows {
     /// Adds contact `c` with this gap, evaluated at a point.
     pub(super) fn add(
         &mut self,
-        (l, n_q, n_tangents): (&Local, usize, usize),
+        (l, n_q, contact): (&Local, usize, &Contact),
         touched: &Touched,
         inertia: &Blocks,
         at: &Point,
         (c, gap): (usize, f64),
         work: &mut [f64],
     ) -> EvalResult {
-        let (n_c, n_o) = (l.coordinates.len(), l.velocities.len());
+        let (n_c, n_o, n_tangents) = (l.coordinates.len(), l.velocities.len(), contact.n_tangents);
         self.local.clear();
         self.local.extend(l.coordinates.iter().map(|&j| at.x[j]));
         self.local.extend(l.velocities.iter().map(|&j| at.x[n_q + j]));
-        self.out.resize(Local::rows_len(n_o, n_tangents), 0.0);
+        let length = Local::rows_len(n_o, n_tangents);
+        self.out.resize(length + usize::from(contact.stiction), 0.0);
         l.rows.value(&Point { x: &self.local, ..*at }, &mut self.out, work)?;
         let (v, out) = (&self.local[n_c..], &self.out);
         self.contact.push(c);
         self.gap.push(gap);
         self.rate.push(out[0]);
         self.friction.push(out[1]);
+        self.stiction.push(if contact.stiction { out[length] } else { out[1] });
+        self.kind.push(contact.kind);
+        self.slides.push(false);
         self.restitution.push(out[2]);
         for k in 0..=n_tangents {
             let (rate, row) = match k {
@@ -189,9 +201,23 @@ impl Rows {
         t.moved.of(self.contact[a]).iter().zip(self.shift(r)).for_each(|(&j, y)| v[j] += y * impulse);
     }
 
-    /// Is the direction of the normal known and does it move anything?
+    /// Is the direction of the normal, or of the friction where there is no normal, known and does it move anything?
     pub(super) fn acts(&self, a: usize) -> bool {
-        let w = self.own[a][0];
+        let w = self.own[a][if self.is_joint(a) { 4 } else { 0 }];
         w > 0.0 && w.is_finite()
+    }
+
+    /// Is it dry friction without a normal, whose normal impulse is given?
+    pub(super) fn is_joint(&self, a: usize) -> bool {
+        self.kind[a] == Kind::Joint
+    }
+
+    /// The least normal impulse there is.
+    pub(super) fn least(&self, a: usize) -> f64 {
+        if self.kind[a] == Kind::Bilateral {
+            f64::NEG_INFINITY
+        } else {
+            0.0
+        }
     }
 }

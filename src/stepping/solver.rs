@@ -109,11 +109,14 @@ impl Solver {
             for k in 0..=n_t {
                 rate[k] = rows.drive[from + k] + rows.times(t, a, from + k, v);
             }
-            let new = match n_t {
-                0 => [(old[0] - rate[0] / w[0]).max(0.0), 0.0, 0.0],
-                1 => planar(&w, old, rate, rows.friction[a]),
-                _ => spatial(&w, old, rate, rows.friction[a]),
+            let mu = [rows.friction[a], rows.stiction[a]];
+            let (new, slides) = match n_t {
+                0 => ([(old[0] - rate[0] / w[0]).max(rows.least(a)), 0.0, 0.0], false),
+                1 if rows.is_joint(a) => joint(w[4], old, rate[1], mu),
+                1 => planar(&w, old, rate, mu),
+                _ => spatial(&w, old, rate, mu),
             };
+            rows.slides[a] = slides;
             for k in 0..=n_t {
                 let d = new[k] - old[k];
                 if d != 0.0 {
@@ -173,7 +176,7 @@ impl Solver {
                 let r = self.rows[i];
                 rows.impulse[r] += step * self.direction[i];
                 if r == rows.first[self.of[i]] {
-                    rows.impulse[r] = rows.impulse[r].max(0.0);
+                    rows.impulse[r] = rows.impulse[r].max(rows.least(self.of[i]));
                 }
             }
             v.iter_mut().zip(&self.moved).for_each(|(v, m)| *v += step * m);
@@ -203,14 +206,18 @@ impl Solver {
         for a in (0..rows.len()).filter(|&a| self.part[a]) {
             let from = rows.first[a];
             let l = rows.impulse[from];
-            if l <= 0.0 {
+            if l <= 0.0 && l <= rows.least(a) {
                 continue;
             }
-            self.rows.push(from);
-            self.of.push(a);
+            if !rows.is_joint(a) {
+                self.rows.push(from);
+                self.of.push(a);
+            }
             let n_t = if self.normal_only { 0 } else { rows.n_tangents(a) };
             let size = rows.impulse[from + 1..=from + n_t].iter().fold(0.0, |s: f64, i| s.hypot(*i));
-            if size < rows.friction[a] * l * (1.0 - 1e-12) {
+            // what sticks by more than it slides with may have the impulse of both
+            let slides = rows.slides[a] && rows.stiction[a] > rows.friction[a];
+            if size < rows.stiction[a] * l * (1.0 - 1e-12) && !slides {
                 for r in (from + 1..=from + n_t).filter(|r| rows.own[a][4 * (r - from)] > 0.0) {
                     self.rows.push(r);
                     self.of.push(a);
@@ -225,19 +232,21 @@ impl Solver {
         let mut i = 0;
         while i < self.rows.len() {
             let (a, r) = (self.of[i], self.rows[i]);
-            let (l, dl) = (rows.impulse[r], self.direction[i]);
-            if l + room * dl < 0.0 {
+            // of a joint the normal impulse is given, and stands in no row
+            let given = rows.is_joint(a);
+            let (l, dl) = if given { (rows.impulse[rows.first[a]], 0.0) } else { (rows.impulse[r], self.direction[i]) };
+            if l + room * dl < 0.0 && rows.least(a) == 0.0 {
                 room = -l / dl;
             }
-            let begin = i;
-            i += 1;
+            i += usize::from(!given);
+            let tangents = i;
             while i < self.rows.len() && self.of[i] == a {
                 i += 1;
             }
-            if i > begin + 1 {
-                let mu = rows.friction[a];
+            if i > tangents {
+                let mu = rows.stiction[a];
                 let inside = |s: f64| {
-                    let size = (begin + 1..i).map(|k| rows.impulse[self.rows[k]] + s * self.direction[k]);
+                    let size = (tangents..i).map(|k| rows.impulse[self.rows[k]] + s * self.direction[k]);
                     size.fold(0.0, |h: f64, v| h.hypot(v)) <= mu * (l + s * dl)
                 };
                 if !inside(room) {
@@ -259,37 +268,47 @@ impl Solver {
     }
 }
 
-/// A contact with friction in the plane, solved exactly: open, sticking, or sliding one way or the other.
-fn planar(w: &[f64; 9], z: [f64; 3], rate: [f64; 3], mu: f64) -> [f64; 3] {
+/// Dry friction without a normal, solved exactly: the impulse that makes it stick, or that of sliding. Says whether it slides.
+fn joint(w: f64, z: [f64; 3], rate: f64, [mu, sticks]: [f64; 2]) -> ([f64; 3], bool) {
+    let held = z[1] - rate / w;
+    if held.abs() <= sticks * z[0] {
+        ([z[0], held, 0.0], false)
+    } else {
+        ([z[0], mu * z[0] * held.signum(), 0.0], true)
+    }
+}
+
+/// A contact with friction in the plane, solved exactly: open, sticking, or sliding one way or the other. Says whether it slides.
+fn planar(w: &[f64; 9], z: [f64; 3], rate: [f64; 3], [mu, sticks]: [f64; 2]) -> ([f64; 3], bool) {
     // rates without impulses of this contact
     let n = rate[0] - w[0] * z[0] - w[1] * z[1];
     let s = rate[1] - w[3] * z[0] - w[4] * z[1];
     if n >= 0.0 {
-        return [0.0; 3];
+        return ([0.0; 3], false);
     }
     let det = w[0] * w[4] - w[1] * w[3];
     if det > 1e-14 * w[0] * w[4] {
         let (l, tau) = ((-n * w[4] + s * w[1]) / det, (n * w[3] - s * w[0]) / det);
-        if l >= 0.0 && tau.abs() <= mu * l {
-            return [l, tau, 0.0];
+        if l >= 0.0 && tau.abs() <= sticks * l {
+            return ([l, tau, 0.0], false);
         }
     }
     for sign in [1.0, -1.0] {
         let along = w[0] - sign * mu * w[1];
         let l = -n / along;
         if along > 0.0 && sign * (s + (w[3] - sign * mu * w[4]) * l) >= 0.0 {
-            return [l, -sign * mu * l, 0.0];
+            return ([l, -sign * mu * l, 0.0], true);
         }
     }
     // none or rounding: normal and tangential impulse for themselves
     let l = -n / w[0];
     let tau = if w[4] > 0.0 { (-(s + w[3] * l) / w[4]).clamp(-mu * l, mu * l) } else { 0.0 };
-    [l, tau, 0.0]
+    ([l, tau, 0.0], tau.abs() >= mu * l)
 }
 
 /// A contact with friction in space: sticking exactly, sliding by turns of normal and tangential impulses, the latter the least
-/// point of a quadratic function in a disc.
-fn spatial(w: &[f64; 9], z: [f64; 3], rate: [f64; 3], mu: f64) -> [f64; 3] {
+/// point of a quadratic function in a disc. Says whether it slides.
+fn spatial(w: &[f64; 9], z: [f64; 3], rate: [f64; 3], [mu, sticks]: [f64; 2]) -> ([f64; 3], bool) {
     let mut b = rate;
     for i in 0..3 {
         for j in 0..3 {
@@ -297,8 +316,8 @@ fn spatial(w: &[f64; 9], z: [f64; 3], rate: [f64; 3], mu: f64) -> [f64; 3] {
         }
     }
     if let Some(s) = solve3(w, b) {
-        if s[0] >= 0.0 && s[1].hypot(s[2]) <= mu * s[0] {
-            return s;
+        if s[0] >= 0.0 && s[1].hypot(s[2]) <= sticks * s[0] {
+            return (s, false);
         }
     }
     let mut x = z;
@@ -311,7 +330,7 @@ fn spatial(w: &[f64; 9], z: [f64; 3], rate: [f64; 3], mu: f64) -> [f64; 3] {
             break;
         }
     }
-    x
+    (x, true)
 }
 
 /// Solution of `W x = −b`, `W` symmetric; None if it is singular to working precision.
@@ -379,11 +398,11 @@ fn in_disc(a: [f64; 3], b: [f64; 2], radius: f64) -> [f64; 2] {
     }
 }
 
-/// The impulse of one contact that meets no others.
-pub(super) fn alone(w: &[f64; 9], rate: [f64; 3], mu: f64, n_tangents: usize) -> [f64; 3] {
+/// The impulse of one contact that meets no others; its normal impulse is not below `least`.
+pub(super) fn alone(w: &[f64; 9], rate: [f64; 3], mu: f64, (n_tangents, least): (usize, f64)) -> [f64; 3] {
     match n_tangents {
-        0 => [(-rate[0] / w[0]).max(0.0), 0.0, 0.0],
-        1 => planar(w, [0.0; 3], rate, mu),
-        _ => spatial(w, [0.0; 3], rate, mu),
+        0 => [(-rate[0] / w[0]).max(least), 0.0, 0.0],
+        1 => planar(w, [0.0; 3], rate, [mu; 2]).0,
+        _ => spatial(w, [0.0; 3], rate, [mu; 2]).0,
     }
 }

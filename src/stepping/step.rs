@@ -6,7 +6,7 @@ use super::{Statistics, Stepper};
 use crate::error::{finite, Error, Result};
 use crate::func::{EvalError, Point};
 use crate::stop;
-use crate::system::ImpactLaw;
+use crate::system::{Contact, ImpactLaw, Kind};
 
 /// A gap may be negative at the start by this share of the coordinates in it, and by what the motion makes in two steps.
 const START: f64 = 1e-3;
@@ -103,7 +103,7 @@ impl Stepper {
         for (c, contact) in m.contacts.iter().enumerate() {
             let l = &self.contacts[c];
             let gap = self.near.gap(&place, c).map_err(|e| failed(e, &format!("gap of {}", contact.name), self.t))?;
-            if gap >= 0.0 {
+            if gap >= 0.0 && contact.kind.opens() {
                 continue;
             }
             let own: Vec<f64> = l
@@ -126,13 +126,26 @@ impl Stepper {
             let move_ = |(n, &j): (&f64, &usize)| n.abs() * (self.x[m.n_q + j].abs() + h * self.free[j].abs());
             let motion: f64 = rows[3..].iter().zip(&l.velocities).map(move_).sum();
             let allowed = START * size + 2.0 * h * motion;
+            if contact.kind == Kind::Bilateral {
+                let rate = rows[0];
+                let speed: f64 =
+                    rows[3..].iter().zip(&l.velocities).map(|(n, &j)| (n * self.x[m.n_q + j]).abs()).sum::<f64>();
+                if gap.abs() > START * size || rate.abs() > START * speed {
+                    return Err(Error::Range(format!(
+                        "constraint {name} is not satisfied at the start: it is {gap}, its rate {rate}; start with coordinates \
+                         and velocities at which both vanish"
+                    )));
+                }
+                continue;
+            }
             if -gap > allowed {
                 return Err(Error::Range(format!(
                     "the gap of contact {name} is {gap} at the start: bodies may overlap by {allowed:.3e} there, start with \
                      gaps that are not negative"
                 )));
             }
-            check_law(name, rows[1], rows[2])?;
+            let stiction = if contact.stiction { rows[rows.len() - 1] } else { rows[1] };
+            check_law(contact, [rows[1], stiction], rows[2])?;
         }
         Ok(())
     }
@@ -219,7 +232,7 @@ impl Stepper {
             self.impacts_in_sequence();
         }
         self.v.iter_mut().zip(&self.free).for_each(|(v, a)| *v += h * a);
-        self.solve(sequential);
+        self.solve(sequential, h);
         self.shift.fill(0.0);
         if self.options.correct && self.rows.len() > 0 {
             self.correct(h);
@@ -273,13 +286,13 @@ impl Stepper {
         self.rows.clear();
         let at = Point { t, x: &self.middle, u: &self.u, p: &self.p };
         for (&c, &gap) in self.near.active.iter().zip(&self.near.gaps) {
-            let name = &self.mechanics.contacts[c].name;
-            let contact = (&self.contacts[c], self.mechanics.n_q, self.mechanics.contacts[c].n_tangents);
+            let own = &self.mechanics.contacts[c];
+            let contact = (&self.contacts[c], self.mechanics.n_q, own);
             let r = self.rows.add(contact, &self.touched, &self.inertia, &at, (c, gap), &mut self.work);
-            r.map_err(|e| failed(e, &format!("normal of {name}"), t))?;
+            r.map_err(|e| failed(e, &format!("normal of {}", own.name), t))?;
             let a = self.rows.len() - 1;
-            check_law(name, self.rows.friction[a], self.rows.restitution[a])?;
-            if -gap > self.stats.penetration {
+            check_law(own, [self.rows.friction[a], self.rows.stiction[a]], self.rows.restitution[a])?;
+            if -gap > self.stats.penetration && own.kind.opens() {
                 (self.stats.penetration, self.stats.deepest) = (-gap, Some(c));
             }
         }
@@ -289,7 +302,7 @@ impl Stepper {
     }
 
     /// Impulses and velocities at the end of the step. `settled`: impacts are over, what is left has no restitution.
-    fn solve(&mut self, settled: bool) {
+    fn solve(&mut self, settled: bool, h: f64) {
         let rows = &mut self.rows;
         self.solver.part.clear();
         self.solver.part.extend((0..rows.len()).map(|a| rows.acts(a)));
@@ -301,7 +314,12 @@ impl Stepper {
                 rows.drive[first] += rows.restitution[a] * rows.rate[a].min(0.0);
             }
             let known = if settled { [0.0; 3] } else { self.impulses[c] };
-            for k in 0..=rows.n_tangents(a) {
+            let lead = usize::from(rows.is_joint(a));
+            if lead > 0 {
+                // the bounds are those of forces
+                rows.impulse[first] = h;
+            }
+            for k in lead..=rows.n_tangents(a) {
                 if self.solver.part[a] && known[k] != 0.0 {
                     rows.impulse[first + k] = known[k];
                     rows.push(&self.touched, a, first + k, known[k], &mut self.v);
@@ -320,7 +338,7 @@ impl Stepper {
         };
         for a in 0..rows.len() {
             let (c, first) = (rows.contact[a], rows.first[a]);
-            for k in 0..=rows.n_tangents(a) {
+            for k in usize::from(rows.is_joint(a))..=rows.n_tangents(a) {
                 let earlier = if settled { before.get(first + k).copied().unwrap_or(0.0) } else { 0.0 };
                 self.impulses[c][k] = rows.impulse[first + k] + earlier;
             }
@@ -348,11 +366,11 @@ impl Stepper {
         let mut first_energy = 0.0;
         for n in 0..SEQUENCE * rows.len() {
             let mut fastest: Option<(usize, f64, f64)> = None;
-            for a in (0..rows.len()).filter(|&a| rows.acts(a)) {
+            for a in (0..rows.len()).filter(|&a| rows.acts(a) && !rows.is_joint(a)) {
                 let r = rows.first[a];
                 let rate = rows.drive[r] + rows.times(t, a, r, &self.v);
                 let energy = rate * rate / rows.own[a][0];
-                if rate < 0.0 && fastest.is_none_or(|f| energy > f.2) {
+                if (rate < 0.0 || rows.kind[a] == Kind::Bilateral) && fastest.is_none_or(|f| energy > f.2) {
                     fastest = Some((a, rate, energy));
                 }
             }
@@ -368,7 +386,7 @@ impl Stepper {
             for k in 1..=n_t {
                 rates[k] = rows.drive[r + k] + rows.times(t, a, r + k, &self.v);
             }
-            let z = super::solver::alone(&rows.own[a], rates, rows.friction[a], n_t);
+            let z = super::solver::alone(&rows.own[a], rates, rows.friction[a], (n_t, rows.least(a)));
             for k in 0..=n_t {
                 self.normal[r + k] += z[k];
                 rows.push(t, a, r + k, z[k], &mut self.v);
@@ -383,8 +401,13 @@ impl Stepper {
         let (mut any, mut energy) = (false, 0.0);
         for a in 0..rows.len() {
             let first = rows.first[a];
+            if rows.is_joint(a) {
+                self.solver.part[a] = false;
+                continue;
+            }
             let (l, w) = (rows.impulse[first], rows.own[a][0]);
-            let pushes = l > 0.0 && self.solver.part[a];
+            let holds = rows.kind[a] == Kind::Bilateral;
+            let pushes = (l > 0.0 || holds) && self.solver.part[a];
             energy += if pushes { l * l * w } else { 0.0 };
             // the drive holds the restitution by now, so the rate is counted from that at the start
             let start = rows.times(t, a, first, &self.x[n_q..]);
@@ -392,8 +415,12 @@ impl Stepper {
             let end = rows.gap[a] + self.options.theta * h * rate;
             let depth = (0.5 * h * h * rows.times_abs(t, a, first, &self.free)).max(-KEPT * end);
             let stays = pushes && end + h * rate < -depth;
-            any |= stays;
-            rows.drive[first] = if stays { end + depth } else { (end + depth).max(0.0) };
+            any |= stays || holds && pushes && end != 0.0;
+            rows.drive[first] = match (holds, stays) {
+                (true, _) => end,
+                (_, true) => end + depth,
+                _ => (end + depth).max(0.0),
+            };
             rows.impulse[first] = 0.0;
         }
         if !any {
@@ -407,9 +434,16 @@ impl Stepper {
     }
 }
 
-fn check_law(name: &str, friction: f64, restitution: f64) -> Result<()> {
+fn check_law(contact: &Contact, [friction, stiction]: [f64; 2], restitution: f64) -> Result<()> {
+    let name = &contact.name;
+    let what = if contact.kind == Kind::Joint { "joint" } else { "contact" };
     if friction.is_nan() || friction < 0.0 {
-        return Err(Error::Range(format!("the friction of contact {name} is {friction}: it must not be negative")));
+        return Err(Error::Range(format!("the friction of {what} {name} is {friction}: it must not be negative")));
+    }
+    if stiction.is_nan() || stiction < friction {
+        return Err(Error::Range(format!(
+            "{what} {name} sticks by the friction {stiction} and slides with {friction}: what holds must not be less"
+        )));
     }
     if !(0.0..=1.0).contains(&restitution) {
         return Err(Error::Range(format!(

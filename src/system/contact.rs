@@ -9,6 +9,9 @@
 //! components, the friction coefficient `μ_i` and the coefficient of restitution `e_i` (section 8.1 of the thesis, with
 //! coordinates `q` whose rates need not be the velocities `v`). The state is `x = (q, v)`.
 //!
+//! Beside contacts that close stand dry friction at joints, `|τ_i| ≤ F_i` with a bound that is given, and constraints, `c_i(q, t) = 0` or
+//! `A_i v + b_i = 0`, whose force has either sign: contacts without a normal, and contacts that never open ([`Kind`]).
+//!
 //! `λ_i` works on `ġ_i` and `τ_i` on `s_i`: where there is friction, gap and tangents are lengths, or `μ` means something
 //! else.
 
@@ -81,9 +84,30 @@ pub struct Local {
 }
 
 impl Local {
-    /// Outputs of [`Local::rows`].
+    /// Outputs of [`Local::rows`], without the one for sticking.
     pub fn rows_len(n_velocities: usize, n_tangents: usize) -> usize {
         3 + n_velocities + n_tangents * (1 + n_velocities)
+    }
+}
+
+/// What a contact is: what of it is held, and by which force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Kind {
+    /// Bodies that touch and part: a force that pushes only, with friction in proportion to it.
+    #[default]
+    Unilateral,
+    /// Dry friction at a joint: nothing closes and there is no normal. The coefficient of friction is the bound of the force itself,
+    /// which may depend on velocities and controls, too.
+    Joint,
+    /// A constraint: closed at all times, by a force of either sign, without friction.
+    Bilateral,
+}
+
+impl Kind {
+    /// Can it open?
+    pub fn opens(self) -> bool {
+        self == Kind::Unilateral
     }
 }
 
@@ -92,9 +116,14 @@ impl Local {
 pub struct Contact {
     /// Name in messages and reports.
     pub name: String,
+    /// What it is.
+    pub kind: Kind,
+    /// Is what friction can hold larger than what it does to something that slides? Then the rows of both have one more output, at the end: the
+    /// coefficient for sticking.
+    pub stiction: bool,
     /// Components of the sliding velocity: 0 without friction, 1 in the plane, 2 in space.
     pub n_tangents: usize,
-    /// Gap and its rate, two outputs.
+    /// Gap and its rate, two outputs. Of a joint both are zero; of a constraint on velocities the gap is.
     pub gap: SharedFunction,
     /// Data of the contact forces, [`Contact::motion_len`] outputs: `g̈ − nᵀ v̇`, `μ`, `e`, `n` (`n_v` values), then for
     /// every tangent `s`, `ṡ − Bᵀ v̇` and its column of `B` (`n_v` values).
@@ -107,9 +136,24 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Outputs of [`Contact::motion`].
+    /// Outputs of [`Contact::motion`], without the one for sticking.
     pub fn motion_len(n_v: usize, n_tangents: usize) -> usize {
         3 + n_v + n_tangents * (2 + n_v)
+    }
+
+    /// Place of the coefficient of friction for sticking among these outputs.
+    pub(crate) fn stiction_at(&self, n_v: usize) -> usize {
+        if self.stiction {
+            Contact::motion_len(n_v, self.n_tangents)
+        } else {
+            1
+        }
+    }
+
+    /// The tangent whose sliding velocity is this output.
+    pub(crate) fn sliding_at(&self, n_v: usize, output: usize) -> Option<usize> {
+        let behind = output.checked_sub(3 + n_v)?;
+        (behind % (2 + n_v) == 0).then_some(behind / (2 + n_v)).filter(|k| *k < self.n_tangents)
     }
 }
 
@@ -162,6 +206,24 @@ impl Mechanics {
         inertia || self.smooth.is_serial() || self.contacts.iter().any(contact)
     }
 
+    /// An error where there is more than contacts that close, push and slide under one coefficient of friction, for those who cannot
+    /// follow that.
+    pub(crate) fn check_plain(&self, who: &str) -> Result<()> {
+        for c in &self.contacts {
+            let what = match c.kind {
+                Kind::Unilateral if c.stiction => "sticks by another friction than it slides with",
+                Kind::Unilateral => continue,
+                Kind::Joint => "is dry friction at a joint",
+                Kind::Bilateral => "is a constraint that is always closed",
+            };
+            return Err(Error::Unsupported(format!(
+                "{who} cannot follow {}, which {what}: simulate the scene event-driven or by time stepping",
+                c.name
+            )));
+        }
+        Ok(())
+    }
+
     fn check(&self, system: &System) -> Result<()> {
         let own = system.dims;
         if self.n_q + self.n_v != own.x {
@@ -197,8 +259,14 @@ impl Mechanics {
                 let (name, n) = (&c.name, c.n_tangents);
                 return Err(Error::Range(format!("contact {name} has {n} tangents: there are up to two")));
             }
+            if c.kind == Kind::Joint && c.n_tangents != 1 || c.kind == Kind::Bilateral && c.n_tangents > 0 {
+                let (name, n) = (&c.name, c.n_tangents);
+                return Err(Error::Range(format!(
+                    "{name} has {n} tangents: dry friction at a joint has one, a constraint has none"
+                )));
+            }
             check(&c.gap, 0, 2)?;
-            check(&c.motion, 0, Contact::motion_len(self.n_v, c.n_tangents))?;
+            check(&c.motion, 0, Contact::motion_len(self.n_v, c.n_tangents) + usize::from(c.stiction))?;
             check(&c.reaction, self.n_v + 1 + c.n_tangents, self.n_v + 1 + c.n_tangents)?;
             self.check_local(c, own)?;
         }
@@ -215,7 +283,7 @@ impl Mechanics {
             }
         }
         let dims = Dims { x: l.coordinates.len() + l.velocities.len(), ..own };
-        let lengths = [1, Local::rows_len(l.velocities.len(), c.n_tangents)];
+        let lengths = [1, Local::rows_len(l.velocities.len(), c.n_tangents) + usize::from(c.stiction)];
         for (f, n) in [&l.gap, &l.rows].into_iter().zip(lengths) {
             if f.dims() != dims || f.n_out() != n {
                 let (name, d, k) = (f.name(), f.dims(), f.n_out());

@@ -21,7 +21,7 @@ use crate::func::{Dims, Function};
 use crate::memory::sizes;
 
 pub use choice::Choice;
-pub use contact::{Contact, ImpactLaw, Inertia, Local, Mechanics, Order, Projection};
+pub use contact::{Contact, ImpactLaw, Inertia, Kind, Local, Mechanics, Order, Projection};
 pub use on_demand::{OnDemand, Signed};
 pub use smoothed::Widths;
 pub use transition::{Direction, Effect, Reset, Rule, Transition, Trigger};

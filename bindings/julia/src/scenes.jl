@@ -153,16 +153,16 @@ Set the derivatives of the states of a projected system without constraints, one
 derivatives!(s::Projected, f) = give_expressions(Lib.swb_scene_set_force, s, f, length(s.x), "f")
 
 """
-    contact!(scene, name, gap; tangents = (), mu = 0.0, e = 0.0)
+    contact!(scene, name, gap; tangents = (), mu = 0.0, e = 0.0, mu_s = nothing)
 
 Add a contact and return it, a `SceneContact`.
 
 `gap` is an expression of coordinates, parameters and time, positive where the bodies are apart. `tangents` are none (no
 friction), one (in the plane) or two (in space): expressions whose rates are the sliding velocity, or which are its components,
-linear in the velocities. `mu` and `e` are friction and restitution, numbers or expressions. With friction, gap and tangents
-are lengths.
+linear in the velocities. `mu` and `e` are friction and restitution, numbers or expressions; `mu_s` is the coefficient by which
+it sticks, where that is larger than `mu`. With friction, gap and tangents are lengths.
 """
-function contact!(s::Scene, name, gap; tangents = (), mu = 0.0, e = 0.0)
+function contact!(s::Scene, name, gap; tangents = (), mu = 0.0, e = 0.0, mu_s = nothing)
     title = plain(name, "the name of a contact")
     listed = tangents isa Real ? [tangents] : collect(tangents)
     for (what, v) in (("gap", gap), ("mu", mu), ("e", e), (("tangents", t) for t in listed)...)
@@ -171,7 +171,59 @@ function contact!(s::Scene, name, gap; tangents = (), mu = 0.0, e = 0.0)
     # friction that nothing slides along would be ignored
     isempty(listed) && ((mu isa Expression && !isnumber(mu)) || Float64(mu) > 0) &&
         mistake(:range, "contact $title has friction and no tangents: give one in the plane, two in space")
-    return add_contact(s, title, gap, listed, mu, e)
+    mu_s === nothing || mu_s isa Real ||
+        mistake(:range, "mu_s of contact $title must be an expression or a number, not $(repr(mu_s))")
+    mu_s === nothing || !isempty(listed) || mistake(:range, "contact $title has no tangents: it cannot stick by mu_s")
+    made = add_contact(s, title, gap, listed, mu, e)
+    mu_s === nothing || give(s, Lib.swb_scene_set_stiction, length(s.contacts) - 1, mu_s)
+    return made
+end
+
+"Give a part of a scene one expression more."
+function give(s::AnyScene, set::F, place, value) where {F}
+    s.current = false
+    check(set(s, s.graph, place, only(ids_in(s.graph, [Expression(value)]))))
+end
+
+"""
+    friction!(scene, name, sliding, bound; stiction = nothing)
+
+Add dry friction at a joint and return it, a `SceneContact`: a force opposite to a sliding velocity with a bound that is given.
+
+`sliding` is an expression of coordinates, parameters and time whose rate is the sliding velocity, or which is that velocity,
+linear in the velocities. `bound` is an expression of states, controls, parameters and time, not negative: the force where it
+slides. `stiction` is the bound where it sticks, not less than the other. The force is the second of `contact_force`.
+"""
+function friction!(s::Scene, name, sliding, bound; stiction = nothing)
+    title = plain(name, "the name of friction")
+    isempty(title) && mistake(:range, "the name of friction must not be empty")
+    given = stiction === nothing ? Any[sliding, bound] : Any[sliding, bound, stiction]
+    all(v -> v isa Real, given) || mistake(:range, "friction $title takes expressions and numbers, not $(repr(given))")
+    ids = ids_in(s.graph, Expression[Expression(v) for v in given])
+    check(Lib.swb_scene_add_friction(s, s.graph, title, ids[1], ids[2], length(ids) > 2 ? ids[3] : Int64(-1), C_NULL))
+    s.current = false
+    zero_gap = in_graph(s.graph, only(ids_in(s.graph, [Expression(0.0)])))
+    made = SceneContact(title, zero_gap, [in_graph(s.graph, ids[1])])
+    push!(s.contacts, made)
+    return made
+end
+
+"""
+    constraint!(scene, name, zero)
+
+Add a constraint to a scene and return it, a `SceneContact`: a contact that never opens, with a force of either sign. `zero` is an
+expression of coordinates, parameters and time, or one that is linear in the velocities. The state at the start must satisfy it.
+"""
+function constraint!(s::Scene, name, zero)
+    title = plain(name, "the name of a constraint")
+    isempty(title) && mistake(:range, "the name of a constraint must not be empty")
+    zero isa Real || mistake(:range, "constraint $title must be an expression, not $(repr(zero))")
+    id = only(ids_in(s.graph, [Expression(zero)]))
+    check(Lib.swb_scene_add_constraint(s, s.graph, title, id, C_NULL))
+    s.current = false
+    made = SceneContact(title, in_graph(s.graph, id), Expression[])
+    push!(s.contacts, made)
+    return made
 end
 
 """

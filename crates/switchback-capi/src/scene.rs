@@ -14,7 +14,7 @@ use switchback::event::Impact;
 use switchback::expr::Id;
 use switchback::memory::sizes::size;
 use switchback::model::Names;
-use switchback::scene::{Built, Contact, Scene};
+use switchback::scene::{Built, Constraint, Contact, Friction, Scene};
 use switchback::system::ImpactLaw;
 
 /// A scene that is being written, and what it became when it was last built.
@@ -301,6 +301,90 @@ pub unsafe extern "C" fn swb_scene_add_contact(
     })
 }
 
+/// Set the coefficient of friction by which a contact sticks, where it is larger than that by which it slides. Impacts know the
+/// coefficient of sliding only.
+///
+/// @param[in] graph    the graph of the expressions
+/// @param[in] contact  its number, one with tangents
+/// @param[in] stiction expression of coordinates, parameters and time, not less than the friction of the contact
+/// @return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions or no contact with tangents
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_set_stiction(
+    scene: *mut swb_scene,
+    graph: *const swb_expr,
+    contact: i64,
+    stiction: i64,
+) -> swb_status {
+    setting(scene, || unsafe {
+        let k = size(contact, "contact")?;
+        with_ids(scene, graph, (&stiction, 1), "stiction", |s, all| s.set_stiction(k, all[0]))
+    })
+}
+
+/// Add dry friction at a joint: a force opposite to a sliding velocity, with a bound that is given. It is counted among the
+/// contacts, and in results its force stands at the first tangent, behind a zero in the place of the normal force.
+///
+/// @param[in]  graph    the graph of the expressions
+/// @param[in]  name     of its own, for messages and results
+/// @param[in]  sliding  expression of coordinates, parameters and time whose rate is the sliding velocity, or which is that
+///                      velocity, linear in the velocities
+/// @param[in]  bound    expression of states, controls, parameters and time, not negative: the force where it slides
+/// @param[in]  stiction expression like bound, not less than it: what holds where it sticks; -1: the same
+/// @param[out] index    number among the contacts; may be NULL
+/// @return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions; SWB_ERR_STATE for a name that is there already;
+///         SWB_ERR_UNSUPPORTED for projected systems
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_add_friction(
+    scene: *mut swb_scene,
+    graph: *const swb_expr,
+    name: *const c_char,
+    sliding: i64,
+    bound: i64,
+    stiction: i64,
+    index: *mut i64,
+) -> swb_status {
+    setting(scene, || unsafe {
+        let given = [sliding, bound, stiction];
+        let n = if stiction == -1 { 2 } else { 3 };
+        let name = raw::text(name, "name")?.to_owned();
+        let mut k = 0;
+        with_ids(scene, graph, (given.as_ptr(), n), "sliding, bound or stiction", |s, all| {
+            k = s.add_friction(Friction { name, sliding: all[0], bound: all[1], stiction: all.get(2).copied() })?;
+            Ok(())
+        })?;
+        raw::write_optional(index, k as i64);
+        Ok(())
+    })
+}
+
+/// Add a constraint: a contact that never opens, whose force has either sign. The state at the start must satisfy it, and its rate.
+/// It is counted among the contacts.
+///
+/// @param[in]  graph the graph of the expressions
+/// @param[in]  name  of its own, for messages and results
+/// @param[in]  zero  expression of coordinates, parameters and time that is zero; or one that contains velocities, linear in them
+/// @param[out] index number among the contacts; may be NULL
+/// @return as swb_scene_add_friction
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_add_constraint(
+    scene: *mut swb_scene,
+    graph: *const swb_expr,
+    name: *const c_char,
+    zero: i64,
+    index: *mut i64,
+) -> swb_status {
+    setting(scene, || unsafe {
+        let name = raw::text(name, "name")?.to_owned();
+        let mut k = 0;
+        with_ids(scene, graph, (&zero, 1), "zero", |s, all| {
+            k = s.add_constraint(Constraint { name, zero: all[0] })?;
+            Ok(())
+        })?;
+        raw::write_optional(index, k as i64);
+        Ok(())
+    })
+}
+
 /// State that a coordinate stays between bounds: contacts that cannot close there are left out when the scene is built, with a
 /// proof in the report. A simulation that leaves the bounds ends with an error if something was left out for them.
 ///
@@ -517,7 +601,8 @@ pub unsafe extern "C" fn swb_run_contact_modes(
 ///
 /// @param[in]  t      [n_t] times within the run
 /// @param[out] forces [n] n_t times n_scene_contacts times 3: the normal force and those along the tangents, zero where the
-///                    contact is open or has no tangents; the contacts of the first time first
+///                    contact is open or has no tangents; of dry friction at a joint zero and the friction; the contacts of the
+///                    first time first
 /// @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene, or for want of dense output; SWB_ERR_RANGE for times
 ///         outside; SWB_ERR_DIMENSION
 #[no_mangle]

@@ -13,6 +13,7 @@ use crate::event::field::Contacts;
 use crate::event::watch::{ContactWatch, Watch};
 use crate::event::{Continuation, ImpactKind, Outcome, Phase, Start};
 use crate::func::{EvalError, Point};
+use crate::system::Kind;
 
 /// Impacts in no time at most.
 const BURST: usize = 5000;
@@ -46,6 +47,8 @@ pub(super) struct SceneRoom {
     pub(super) patience: f64,
     /// The contact of the present event opened for less than the rounding of its gap, see [`Engine::flight_is_unseen`].
     pub(super) unseen: Option<usize>,
+    /// There was an impact at the present event.
+    pub(super) struck: bool,
     /// A contact that counts as at rest has a sliding velocity: what is left of it where others have put the bodies back.
     pub(super) creeps: bool,
     /// Contacts without a gap.
@@ -75,12 +78,15 @@ impl Engine {
     pub(super) fn begin_scene(&mut self, t_stop: f64) -> Result<()> {
         let first = self.field.active.iter().any(Vec::is_empty) || self.field.active.is_empty();
         if first {
-            for set in &mut self.field.active {
+            for i in 0..self.field.active.len() {
+                let first = self.field.scene().map_or(mode::OPEN, |c| c.dynamics.first_mode(i));
+                let set = &mut self.field.active[i];
                 set.clear();
-                set.push(mode::OPEN);
+                set.push(first);
             }
             self.field.carry_none();
             self.check_scene()?;
+            recover(self.start_on_constraints().map(|()| true), false)?;
         }
         self.field.look_at_all();
         self.derivatives.time_row.fill(0.0);
@@ -138,19 +144,33 @@ impl Engine {
                     continue;
                 }
                 // what the tolerances do not see of the coordinates is no overlap of bodies
-                let unseen = c.unseen(i, at, c.dynamics.mechanics.n_q, (rtol, atol), (row, n_z)).map_or(0.0, |u| u[0]);
+                let unseen = c.unseen(i, at, c.dynamics.mechanics.n_q, (rtol, atol), (row, n_z)).unwrap_or_default();
+                if let Some(text) = c.flaw_of_friction(i) {
+                    return Err(Error::Range(format!("{text}, at the start")));
+                }
                 let (b, name) = (c.dynamics.block(i), &c.dynamics.mechanics.contacts[i].name);
-                if b.gap[0] < -unseen.max(loosest * c.sizes[i][0]) {
+                if c.dynamics.is_joint(i) {
+                    continue;
+                }
+                let far = |k: usize, v: f64| v > unseen[k].max(loosest * c.sizes[i][[0, 3][k]]);
+                let bilateral = c.dynamics.mechanics.contacts[i].kind == Kind::Bilateral;
+                if bilateral && (far(0, b.gap[0].abs()) || far(1, b.gap[1].abs())) {
+                    return Err(Error::Range(format!(
+                        "constraint {name} is not satisfied at the start: it is {}, and its rate {}; start with coordinates and \
+                         velocities at which both vanish",
+                        b.gap[0], b.gap[1]
+                    )));
+                }
+                if far(0, -b.gap[0]) {
                     return Err(Error::Range(format!(
                         "the gap of contact {name} is {} at the start: the bodies overlap; start with a gap of zero or more",
                         b.gap[0]
                     )));
                 }
-                if b.friction < 0.0 || !(0.0..=1.0).contains(&b.restitution) {
+                if !(0.0..=1.0).contains(&b.restitution) {
                     return Err(Error::Range(format!(
-                        "contact {name} has friction {} and restitution {} at the start: friction must not be negative, \
-                         restitution must lie between 0 and 1",
-                        b.friction, b.restitution
+                        "contact {name} has restitution {} at the start: it must lie between 0 and 1",
+                        b.restitution
                     )));
                 }
                 if b.has_dependent_rows() {
@@ -168,6 +188,24 @@ impl Engine {
             Ok(())
         });
         checked.unwrap_or(Ok(()))
+    }
+
+    /// What tolerances do not see of constraints at the start is no motion: constraints that depend on each other would contradict each
+    /// other there.
+    fn start_on_constraints(&mut self) -> std::result::Result<(), EvalError> {
+        let mut x = self.x.clone();
+        let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
+            let Contacts { dynamics, sizes, .. } = c;
+            let kinds = dynamics.mechanics.contacts.iter().map(|c| c.kind == Kind::Bilateral);
+            let held: Vec<Vec<usize>> = kinds.map(|b| vec![if b { mode::CLOSED } else { mode::OPEN }]).collect();
+            if held.len() == modes.len() && held.iter().any(|m| m[0] == mode::CLOSED) {
+                dynamics.project(at, &held, &mut x, &|i, _| [0, 3].map(|k| 16.0 * EPS * sizes[i][k]))?;
+            }
+            Ok(())
+        });
+        self.x = x;
+        self.field.forget();
+        r.unwrap_or(Ok(()))
     }
 
     /// An event of watch `l` at the present point.
@@ -336,6 +374,8 @@ impl Engine {
             self.stop_in_space(contact)?;
         }
         let start = self.log.impacts.len();
+        let impacts = self.log.stats.impacts;
+        self.contact_events.scene.struck = false;
         (self.contact_events.scene.merges, self.contact_events.scene.unseen) = match event {
             Some((contact, ContactWatch::Gap)) => {
                 let unseen = self.flight_is_unseen(contact)?.then_some(contact);
@@ -344,6 +384,7 @@ impl Engine {
             _ => (false, None),
         };
         let unique_impact = self.collide(event, recorded)?;
+        self.contact_events.scene.struck = self.log.stats.impacts > impacts;
         if self.log.outcome != Outcome::Reached {
             return Ok(());
         }
@@ -659,9 +700,15 @@ impl Engine {
             if self.strike(&list, ImpactKind::Painleve, recorded)?.is_none() {
                 break;
             }
+            self.contact_events.scene.struck = true;
             self.log.one_sided = true;
         }
-        let text = "no contact forces continue the motion: friction and normal force contradict each other (Painlevé)";
+        let bilateral = |c: &Contacts| c.dynamics.mechanics.contacts.iter().any(|c| c.kind == Kind::Bilateral);
+        let text = if self.field.scene().is_some_and(bilateral) {
+            "no forces continue the motion: constraints contradict each other, or friction and normal force do (Painlevé)"
+        } else {
+            "no contact forces continue the motion: friction and normal force contradict each other (Painlevé)"
+        };
         self.fail(Outcome::NoContinuation, text.into());
         Ok(false)
     }
@@ -716,7 +763,8 @@ impl Engine {
         let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
         /// Share of its size below which a sliding velocity may be zero, if others that stop say so.
         const STILL: f64 = 1e-3;
-        let SceneRoom { touching: all, closed: out, row, merges, creeps, unseen, .. } = &mut self.contact_events.scene;
+        let SceneRoom { touching: all, closed: out, row, merges, creeps, unseen, struck, .. } =
+            &mut self.contact_events.scene;
         let mut likely = Vec::new();
         *creeps = false;
         out.clear();
@@ -728,7 +776,7 @@ impl Engine {
                 c.dynamics.load_contact(at, i)?;
                 let hardly = *unseen == Some(i) || *merges && c.hardly_opens(i, at, (rtol, atol), (row, n_z))?;
                 let b = c.dynamics.block(i);
-                if c.dynamics.is_first_order() {
+                if c.dynamics.is_first_order() || c.dynamics.mechanics.contacts[i].kind == Kind::Bilateral {
                     out.push(Closed { contact: i, rests: true });
                     continue;
                 }
@@ -743,7 +791,10 @@ impl Engine {
                 };
                 let size = (0..n_t).map(size).fold(0.0, f64::max);
                 let stops = event == Some((i, ContactWatch::Speed));
-                let sticks = modes[i][0] == mode::CLOSED && event.is_some_and(|e| e.1 != ContactWatch::Gap);
+                // an impact moves joints that stuck, whatever has led to it
+                let pushed = *struck && c.dynamics.is_joint(i);
+                let sticks =
+                    modes[i][0] == mode::CLOSED && event.is_some_and(|e| e.1 != ContactWatch::Gap) && !pushed;
                 let speed = b.sliding[0].hypot(b.sliding[1]);
                 // in space a velocity that the tolerances do not see has no direction that friction could go by
                 let still = if n_t == 2 { c.unseen_slide(i, at, (rtol, atol)) } else { 0.0 };
@@ -767,6 +818,27 @@ impl Engine {
 }
 
 impl Contacts {
+    /// What is wrong with the friction of contact `i`, which is loaded, in words.
+    pub(super) fn flaw_of_friction(&self, i: usize) -> Option<String> {
+        let (b, c) = (self.dynamics.block(i), &self.dynamics.mechanics.contacts[i]);
+        let (name, slides, sticks) = (&c.name, b.friction, b.stiction);
+        if slides >= 0.0 && sticks >= slides {
+            return None;
+        }
+        Some(match (c.kind, slides >= 0.0) {
+            (Kind::Joint, false) => {
+                format!("joint {name} has the bound {slides} of its friction: it must not be negative")
+            }
+            (Kind::Joint, true) => {
+                format!("joint {name} sticks by {sticks} and slides with {slides}: what holds must not be less")
+            }
+            (_, false) => format!("contact {name} has friction {slides}: it must not be negative"),
+            (_, true) => {
+                format!("contact {name} sticks by the friction {sticks} and slides with {slides}: what holds must not be less")
+            }
+        })
+    }
+
     /// Begins with these modes. As long as the tolerances do not see the velocity of a slide, it says nothing of its direction.
     pub(super) fn begin(&mut self, choice: &contact::Choice, at: &Point, (rtol, atol): (&[f64], &[f64])) {
         let d = &mut self.dynamics;

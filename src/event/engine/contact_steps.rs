@@ -7,6 +7,7 @@ use crate::event::explicit::Pair;
 use crate::event::field::TO_RATE;
 use crate::event::watch::{ContactWatch, Watch};
 use crate::func::EvalError;
+use crate::system::Kind;
 
 /// The stages that a cubic is laid through, with the ends, and where it is compared.
 struct StagesOfForce {
@@ -186,14 +187,21 @@ impl Engine {
             for (i, set) in modes.iter().enumerate().filter(|(_, s)| Dynamics::slides(s[0])) {
                 c.dynamics.keep_direction(i, set[0]);
             }
-            for (size, f) in c.sizes.iter_mut().zip(&c.dynamics.forces) {
-                size[1] = size[1].max(f[0].abs());
+            let (sizes, dynamics) = (&mut c.sizes, &mut c.dynamics);
+            for (i, (size, f)) in sizes.iter_mut().zip(&dynamics.forces).enumerate() {
+                size[1] = size[1].max(f[usize::from(dynamics.is_joint(i))].abs());
             }
-            let sizes = &c.sizes;
+            let joints: Vec<bool> = match dynamics.has_joints() {
+                true => (0..modes.len()).map(|i| dynamics.is_joint(i)).collect(),
+                false => Vec::new(),
+            };
+            let rate = |i: usize| if joints.get(i) == Some(&true) { sizes[i][2] } else { sizes[i][3] };
             // as soon as it is more than the rounding of a few operations
-            c.dynamics.project(at, modes, &mut x, &|i, _| [16.0 * EPS * sizes[i][0], 16.0 * EPS * sizes[i][3]])
+            dynamics.project(at, modes, &mut x, &|i, _| [16.0 * EPS * sizes[i][0], 16.0 * EPS * rate(i)])
         });
         self.x = x;
+        self.check_joints()?;
+        self.check_constraints()?;
         let Some(moved) = recover(moved.unwrap_or(Ok(false)).map(Some), None)? else { return Ok(false) };
         if moved {
             self.field.forget();
@@ -201,6 +209,41 @@ impl Engine {
             recover(r.map(|()| true), false)?;
         }
         Ok(moved)
+    }
+
+    /// A bound of the friction of a joint may be an expression that is fine at the start and not later.
+    fn check_joints(&mut self) -> Result<()> {
+        let t = self.t;
+        let bad = self.field.scene().filter(|c| c.dynamics.has_joints()).and_then(|c| {
+            let joints = (0..c.dynamics.n_contacts()).filter(|i| c.dynamics.is_joint(*i));
+            joints.filter_map(|i| c.flaw_of_friction(i)).next()
+        });
+        bad.map_or(Ok(()), |text| Err(Error::State(format!("t = {t}: {text}"))))
+    }
+
+    /// Constraints that contradict each other, or whose gradient vanishes, are not held by any force.
+    fn check_constraints(&mut self) -> Result<()> {
+        /// Share of its size that is far beyond what is left of the drift of a step.
+        const FAR: f64 = 1e-6;
+        let loosest = self.rtol.iter().fold(FAR, |m, v| m.max(*v));
+        let t = self.t;
+        let bad = self.field.with_contacts(t, &self.x, |c, at, _| {
+            for i in 0..c.dynamics.n_contacts() {
+                if c.dynamics.mechanics.contacts[i].kind != Kind::Bilateral || c.dynamics.load_gap(at, i).is_err() {
+                    continue;
+                }
+                let ([gap, rate], size) = (c.dynamics.block(i).gap, c.sizes[i]);
+                if gap.abs() > loosest * size[0] || rate.abs() > loosest * size[3] {
+                    return Some((c.dynamics.mechanics.contacts[i].name.clone(), gap, rate));
+                }
+            }
+            None
+        });
+        let Some((name, gap, rate)) = bad.flatten() else { return Ok(()) };
+        Err(Error::State(format!(
+            "t = {t}: constraint {name} cannot be held: it is {gap}, and its rate {rate}; its gradient vanishes there, or it \
+             contradicts other constraints"
+        )))
     }
 
     /// A coordinate beyond the bounds that the reduction relies on.

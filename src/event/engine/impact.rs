@@ -85,6 +85,9 @@ impl Engine {
         let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             let mut worst = (0.0, None);
             for &i in all {
+                if !c.dynamics.opens(i) {
+                    continue;
+                }
                 c.dynamics.load_gap(at, i)?;
                 let rate = c.dynamics.block(i).gap[1];
                 let size = c.sizes[i][3];
@@ -107,12 +110,14 @@ impl Engine {
         let bad = self.field.scene().and_then(|c| {
             list.iter().find_map(|&(i, e)| {
                 let (b, name) = (c.dynamics.block(i), &c.dynamics.mechanics.contacts[i].name);
-                let fine = b.friction >= 0.0 && (e.is_some() || (0.0..=1.0).contains(&b.restitution));
+                if let Some(text) = c.flaw_of_friction(i) {
+                    return Some(text);
+                }
+                let fine = e.is_some() || (0.0..=1.0).contains(&b.restitution);
                 (!fine).then(|| {
                     format!(
-                        "contact {name} has friction {} and restitution {} there: friction must not be negative, restitution \
-                         must lie between 0 and 1",
-                        b.friction, b.restitution
+                        "contact {name} has restitution {} there: it must lie between 0 and 1",
+                        b.restitution
                     )
                 })
             })

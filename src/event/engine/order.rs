@@ -176,6 +176,10 @@ impl Engine {
         let (mut free, mut loose, mut pressed) = (Vec::new(), Vec::new(), Vec::new());
         let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             for i in all {
+                if !c.dynamics.opens(i) {
+                    pressed.push(i);
+                    continue;
+                }
                 c.dynamics.load_gap(at, i)?;
                 let (rate, open) = (c.dynamics.block(i).gap[1], modes[i][0] == mode::OPEN);
                 let noise = match (open, event == Some(i)) {
@@ -331,8 +335,8 @@ impl Engine {
                 stay.push(contact);
             }
             let rests = self.rates(&stay, |_, rate, size| rate.abs() <= AT_REST * size)?;
-            let mut rests = rests.iter();
-            stay.retain(|_| rests.next().is_some_and(|r| *r));
+            let (mut rests, opens) = (rests.iter(), |i: usize| self.field.scene().is_some_and(|c| c.dynamics.opens(i)));
+            stay.retain(|i| rests.next().is_some_and(|r| *r) || !opens(*i));
             let Some(behind) = self.velocity_between(&mut stay, length)? else { return Ok(None) };
             // what is not pressed any more opens before the next strike, and may be struck in its turn
             let opened = meeting.pressed.iter().filter(|i| !stay.contains(i));
@@ -397,7 +401,7 @@ impl Engine {
             stay.retain(|i| {
                 let (a, normal) = (c.dynamics.gap_acceleration_of(*i, &f), &c.dynamics.block(*i).normal);
                 let size: f64 = normal.iter().zip(&f[n_q..]).map(|(n, a)| (n * a).abs()).sum();
-                a <= ZERO * size
+                a <= ZERO * size || !c.dynamics.opens(*i)
             });
             c.forget();
             Ok(!found.all.is_empty())

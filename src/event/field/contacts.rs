@@ -394,7 +394,9 @@ impl Field {
                 add(ContactWatch::Gap, 0);
                 continue;
             }
-            add(ContactWatch::Pressure, 1);
+            if c.dynamics.opens(contact) {
+                add(ContactWatch::Pressure, 1);
+            }
             if Dynamics::slides(set[0]) {
                 if n_t > 0 && !c.dynamics.carried[contact] {
                     add(ContactWatch::Speed, 2);
@@ -428,7 +430,7 @@ impl Contacts {
         self.stage = Some(stage + 1);
         let d = &self.dynamics;
         for i in d.closed() {
-            let (f, mu) = (d.forces[i], d.block(i).friction);
+            let (f, mu) = (d.forces[i], d.block(i).stiction);
             let cones = match d.mechanics.contacts[i].n_tangents {
                 0 => [0.0; 2],
                 1 => [mu * f[0] - f[1], mu * f[0] + f[1]],
@@ -468,10 +470,10 @@ impl Contacts {
                 q[2 + TO_RATE] = d.sliding_acceleration(i, dir);
             }
             (1, false) => {
-                q[2] = b.friction * f[0] - f[1];
-                q[3] = b.friction * f[0] + f[1];
+                q[2] = b.stiction * f[0] - f[1];
+                q[3] = b.stiction * f[0] + f[1];
             }
-            (_, false) => q[2] = b.friction * f[0] - f[1].hypot(f[2]),
+            (_, false) => q[2] = b.stiction * f[0] - f[1].hypot(f[2]),
         }
         Ok(())
     }
@@ -517,11 +519,11 @@ impl Contacts {
                     _ if size > 0.0 => [f[1] / size, f[2] / size],
                     _ => [0.0; 2],
                 };
-                let mut rows = vec![0.0; 3 * n_z];
-                d.friction_gradients(at, i, &mut rows)?;
-                let mu = d.block(i).friction;
+                let mut bound = vec![0.0; n_z];
+                d.bound_gradient(at, i, &mut bound)?;
+                let mu = d.block(i).stiction;
                 for (z, o) in out.iter_mut().enumerate() {
-                    *o = mu * own[z] + f[0] * rows[z] - dir[0] * own[n_z + z] - dir[1] * own[2 * n_z + z];
+                    *o = mu * own[z] + f[0] * bound[z] - dir[0] * own[n_z + z] - dir[1] * own[2 * n_z + z];
                 }
                 Ok(())
             }
@@ -533,7 +535,9 @@ impl Contacts {
     fn raise_force_sizes(&mut self) {
         const NOTHING: f64 = 1e-9;
         let Contacts { dynamics, sizes, .. } = self;
-        let largest = dynamics.closed().map(|i| sizes[i][1]).fold(0.0, f64::max);
+        // the friction of joints is no force on a normal
+        let normal = dynamics.closed().filter(|i| !dynamics.is_joint(*i));
+        let largest = normal.map(|i| sizes[i][1]).fold(0.0, f64::max);
         for (i, size) in dynamics.force_roundings() {
             sizes[i][1] = sizes[i][1].max(size.clamp(NOTHING * largest, largest));
         }
@@ -565,6 +569,9 @@ impl Contacts {
         if m != mode::OPEN {
             self.dynamics.load_contact(at, i)?;
             out[1] = self.dynamics.force_size(i);
+            if self.dynamics.is_joint(i) {
+                out[1] = out[1].max(self.dynamics.block(i).stiction.abs());
+            }
             let n_t = self.dynamics.mechanics.contacts[i].n_tangents;
             out[2] = (0..n_t).map(|k| sum(self.dynamics.tangent(i, k), n_q)).fold(0.0, f64::max);
         }

@@ -58,7 +58,7 @@ class Impact:
 
 @dataclass(frozen=True)
 class SceneContact:
-    """A contact of a scene, as `Scene.contact` returns it: for `Run.force` and `Run.mode`."""
+    """A contact of a scene, as `Scene.contact` returns it: for `Run.force` and `Run.mode`. Of friction the gap is zero."""
 
     name: str
     gap: Expr
@@ -226,32 +226,78 @@ class Scene(_ContactSystem):
         """Set the forces, one for every velocity: all that stands beside M v' but contact forces, smooth expressions."""
         self._set("set_force", values, (self.n_v,), "force")
 
-    def contact(self, name: str, gap: Any, tangents: Any = (), mu: Any = 0.0, e: Any = 0.0) -> SceneContact:
+    def contact(
+        self, name: str, gap: Any, tangents: Any = (), mu: Any = 0.0, e: Any = 0.0, mu_s: Any = None
+    ) -> SceneContact:
         """Add a contact.
 
         `gap` is an expression of coordinates, parameters and time, positive where the bodies are apart. `tangents` are none
         (no friction), one (in the plane) or two (in space): expressions whose rates are the sliding velocity, or which are
-        its components, linear in the velocities. `mu` and `e` are friction and restitution, numbers or expressions. With
-        friction, gap and tangents are lengths.
+        its components, linear in the velocities. `mu` and `e` are friction and restitution, numbers or expressions; `mu_s` is
+        the coefficient by which it sticks, where that is larger than `mu`. With friction, gap and tangents are lengths.
         """
         if not isinstance(name, str) or not name:
             raise ArgumentError(f"the name of a contact must be a text, not {name!r:.40}")
         listed = list(tangents) if isinstance(tangents, (list, tuple)) else [tangents]
         all = [self.graph.of(t) for t in listed]
-        numbers = []
-        for what, value in (("gap", gap), ("mu", mu), ("e", e)):
-            if isinstance(value, str) or value is None:
-                raise ArgumentError(f"{what} of contact {name} must be an expression or a number, not {value!r:.40}")
-            given = self.graph.of(value)
-            if given.ndim:
-                raise DimensionError(f"{what} of contact {name} is an array of shape {given.shape}")
-            numbers.append(int(given._ids))
+        numbers = [self._one(value, f"{what} of contact {name}") for what, value in (("gap", gap), ("mu", mu), ("e", e))]
+        sticks = None if mu_s is None else self._one(mu_s, f"mu_s of contact {name}")
         # friction that nothing slides along would be ignored
         if not all and (isinstance(mu, Expr) or number(mu, "mu") > 0.0):
             raise ArgumentError(f"contact {name} has friction and no tangents: give one in the plane, two in space")
         if any(t.ndim for t in all):
             raise DimensionError(f"tangents of contact {name}: give a list of single expressions")
-        return self._add(name, self.graph.of(gap), all, numbers[1], numbers[2])
+        if sticks is not None and not all:
+            raise ArgumentError(f"contact {name} has no tangents: it cannot stick by mu_s; give one in the plane, two in space")
+        made = self._add(name, self.graph.of(gap), all, numbers[1], numbers[2])
+        if sticks is not None:
+            self._made._do("set_stiction", self.graph, len(self.contacts) - 1, sticks)
+        return made
+
+    def _one(self, value: Any, what: str) -> int:
+        """The number of one expression."""
+        if isinstance(value, str) or value is None:
+            raise ArgumentError(f"{what} must be an expression or a number, not {value!r:.40}")
+        given = self.graph.of(value)
+        if given.ndim:
+            raise DimensionError(f"{what} is an array of shape {given.shape}")
+        return int(given._ids)
+
+    def _joined(self, function: str, name: str, ids: Sequence[int], gap: Expr, tangents: tuple[Expr, ...]) -> SceneContact:
+        self._made._do(function, self.graph, encode(name, "name"), *ids, None)
+        self._current = False
+        made = SceneContact(name, gap, tangents)
+        self.contacts.append(made)
+        return made
+
+    def friction(self, name: str, sliding: Any, bound: Any, stiction: Any = None) -> SceneContact:
+        """Add dry friction at a joint: a force opposite to a sliding velocity, with a bound that is given.
+
+        `sliding` is an expression of coordinates, parameters and time whose rate is the sliding velocity, or which is that
+        velocity, linear in the velocities. `bound` is an expression of states, controls, parameters and time, not negative: the
+        force where it slides; where it sticks the force is at most `stiction`, which is not less, or `bound` itself. In
+        results it is a contact: `run.mode(friction)` is 1 where it sticks, 2 and 3 where it slides along or against
+        `sliding`, and the force is the second of `run.force(friction)`.
+
+            s.friction("hinge", s.q[0], 0.3, stiction=0.4)
+        """
+        if not isinstance(name, str) or not name:
+            raise ArgumentError(f"the name of friction must be a text, not {name!r:.40}")
+        ids = [self._one(sliding, f"what slides at {name}"), self._one(bound, f"the bound of {name}")]
+        ids.append(-1 if stiction is None else self._one(stiction, f"the stiction of {name}"))
+        return self._joined("add_friction", name, ids, self.graph.of(0.0), (self.graph.of(sliding),))
+
+    def constraint(self, name: str, zero: Any) -> SceneContact:
+        """Add a constraint: a contact that never opens, with a force of either sign.
+
+        `zero` is an expression of coordinates, parameters and time, or one that contains velocities, linear in them. The state
+        at the start must satisfy it, and velocities its rate. In results it is a contact that is always closed.
+
+            s.constraint("rod", swb.sqrt(s.q[0] ** 2 + s.q[1] ** 2) - 1.0)
+        """
+        if not isinstance(name, str) or not name:
+            raise ArgumentError(f"the name of a constraint must be a text, not {name!r:.40}")
+        return self._joined("add_constraint", name, [self._one(zero, f"constraint {name}")], self.graph.of(zero), ())
 
     def bounds(self, coordinate: Any, low: float, high: float) -> None:
         """State that a coordinate stays between bounds: contacts that cannot close there are left out (see `report`). A
