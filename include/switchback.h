@@ -6048,6 +6048,61 @@ swb_status swb_scene_add_contact(struct swb_scene *scene,
                                  int64_t *index);
 
 /**
+ * Set the coefficient of friction by which a contact sticks, where it is larger than that by which it slides. Impacts know the
+ * coefficient of sliding only.
+ *
+ * @param[in] graph    the graph of the expressions
+ * @param[in] contact  its number, one with tangents
+ * @param[in] stiction expression of coordinates, parameters and time, not less than the friction of the contact
+ * @return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions or no contact with tangents
+ */
+SWB_API
+swb_status swb_scene_set_stiction(struct swb_scene *scene,
+                                  const struct swb_expr *graph,
+                                  int64_t contact,
+                                  int64_t stiction);
+
+/**
+ * Add dry friction at a joint: a force opposite to a sliding velocity, with a bound that is given. It is counted among the
+ * contacts, and in results its force stands at the first tangent, behind a zero in the place of the normal force.
+ *
+ * @param[in]  graph    the graph of the expressions
+ * @param[in]  name     of its own, for messages and results
+ * @param[in]  sliding  expression of coordinates, parameters and time whose rate is the sliding velocity, or which is that
+ *                      velocity, linear in the velocities
+ * @param[in]  bound    expression of states, controls, parameters and time, not negative: the force where it slides
+ * @param[in]  stiction expression like bound, not less than it: what holds where it sticks; -1: the same
+ * @param[out] index    number among the contacts; may be NULL
+ * @return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions; SWB_ERR_STATE for a name that is there already;
+ *         SWB_ERR_UNSUPPORTED for projected systems
+ */
+SWB_API
+swb_status swb_scene_add_friction(struct swb_scene *scene,
+                                  const struct swb_expr *graph,
+                                  const char *name,
+                                  int64_t sliding,
+                                  int64_t bound,
+                                  int64_t stiction,
+                                  int64_t *index);
+
+/**
+ * Add a constraint: a contact that never opens, whose force has either sign. The state at the start must satisfy it, and its rate.
+ * It is counted among the contacts.
+ *
+ * @param[in]  graph the graph of the expressions
+ * @param[in]  name  of its own, for messages and results
+ * @param[in]  zero  expression of coordinates, parameters and time that is zero; or one that contains velocities, linear in them
+ * @param[out] index number among the contacts; may be NULL
+ * @return as swb_scene_add_friction
+ */
+SWB_API
+swb_status swb_scene_add_constraint(struct swb_scene *scene,
+                                    const struct swb_expr *graph,
+                                    const char *name,
+                                    int64_t zero,
+                                    int64_t *index);
+
+/**
  * State that a coordinate stays between bounds: contacts that cannot close there are left out when the scene is built, with a
  * proof in the report. A simulation that leaves the bounds ends with an error if something was left out for them.
  *
@@ -6156,7 +6211,8 @@ swb_status swb_run_contact_modes(const struct swb_run *run,
  *
  * @param[in]  t      [n_t] times within the run
  * @param[out] forces [n] n_t times n_scene_contacts times 3: the normal force and those along the tangents, zero where the
- *                    contact is open or has no tangents; the contacts of the first time first
+ *                    contact is open or has no tangents; of dry friction at a joint zero and the friction; the contacts of the
+ *                    first time first
  * @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene, or for want of dense output; SWB_ERR_RANGE for times
  *         outside; SWB_ERR_DIMENSION
  */

@@ -3,7 +3,9 @@
 use switchback::error::{Error, Result};
 use switchback::event::{Engine, Options, Outcome};
 use switchback::expr::{Expr, Graph};
-use switchback::scene::{Contact, Friction, Scene};
+use switchback::ocp::Ocp;
+use switchback::scene::{Constraint, Contact, Friction, Scene};
+use switchback::settings::Settings;
 use switchback::stepping::{self, Stepper};
 use switchback::system::System;
 
@@ -310,8 +312,7 @@ fn a_pile_slides_where_it_is_weakest() {
     let g = Graph::new();
     let mut s = Scene::new("pile", n, n, 0, 0).unwrap();
     let mass = |i: usize| 1.0 + 0.1 * i as f64;
-    let entries: Vec<_> =
-        (0..n * n).map(|k| g.constant(if k / n == k % n { mass(k % n) } else { 0.0 }).id()).collect();
+    let entries: Vec<_> = (0..n * n).map(|k| g.constant(if k / n == k % n { mass(k % n) } else { 0.0 }).id()).collect();
     s.set_inertia(&entries).unwrap();
     let (weak, bound, pull, ground) = (5, 2.0, 40.0, 3.0);
     for i in 0..n {
@@ -376,6 +377,27 @@ fn a_brake_that_is_released() {
     // v̇ = 2 − (1 + t)/2 from 1 on
     e.advance(2.0).unwrap();
     assert!(off(e.state(), &[0.5 - 0.5 / 6.0, 1.0 - 0.25]) < 1e-9, "{:?}", e.state());
+}
+
+/// Neither optimal control nor time-freezing drops what it cannot follow.
+#[test]
+fn optimal_control_refuses_in_words() {
+    let g = Graph::new();
+    let slides = Friction::new("hinge", g.x(0), g.constant(0.1));
+    let system = slider(&g, 0, -g.x(0), slides.clone());
+    wrong(Ocp::new(&system, 1.0, 2, &Settings::default()), "optimal control cannot follow hinge");
+    let mut s = Scene::new("block", 2, 2, 0, 0).unwrap();
+    (0..2).for_each(|i| s.set_force(i, g.constant(0.0).id()).unwrap());
+    let floor = Contact { tangents: vec![g.x(0).id()], ..Contact::new(&g, "floor", g.x(1)) };
+    let k = s.add_contact(floor).unwrap();
+    s.set_stiction(k, g.constant(0.4).id()).unwrap();
+    wrong(Ocp::new(&s.build(&g).unwrap().system, 1.0, 2, &Settings::default()), "cannot follow floor");
+    wrong(s.equations(&mut g.dag()), "time-freezing cannot follow floor");
+    let mut s = Scene::new("rod", 2, 2, 0, 0).unwrap();
+    (0..2).for_each(|i| s.set_force(i, g.constant(0.0).id()).unwrap());
+    s.add_constraint(Constraint::new("rod", g.x(0))).unwrap();
+    wrong(Ocp::new(&s.build(&g).unwrap().system, 1.0, 2, &Settings::default()), "cannot follow rod");
+    wrong(s.equations(&mut g.dag()), "time-freezing cannot follow rod");
 }
 
 fn wrong(r: Result<impl Sized>, words: &str) {

@@ -254,7 +254,8 @@ impl Problem {
             b.clear();
             b.extend(held.iter().map(|&(_, i)| -self.free[i]));
             if given {
-                let pushed = |i: usize| self.matrix[i * n..(i + 1) * n].iter().zip(&s.r).map(|(w, r)| w * r).sum::<f64>();
+                let pushed =
+                    |i: usize| self.matrix[i * n..(i + 1) * n].iter().zip(&s.r).map(|(w, r)| w * r).sum::<f64>();
                 b.iter_mut().zip(held.iter()).for_each(|(b, &(_, i))| *b -= pushed(i));
             }
             solver.solve(b);

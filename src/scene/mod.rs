@@ -294,7 +294,9 @@ impl Scene {
                 Ok(())
             }
             Some(part) => Err(Error::Range(format!("{} is no contact with tangents: it cannot stick", part.name()))),
-            None => Err(Error::Range(format!("contact {contact} does not exist: the scene has {}", self.contacts.len()))),
+            None => {
+                Err(Error::Range(format!("contact {contact} does not exist: the scene has {}", self.contacts.len())))
+            }
         }
     }
 
@@ -619,9 +621,9 @@ impl Builder<'_> {
     fn check_stiction(&self, what: &str, slides: Id, sticks: Option<Id>) -> Result<()> {
         let Some(sticks) = sticks else { return Ok(()) };
         match (self.dag.as_const(slides), self.dag.as_const(sticks)) {
-            (Some(a), Some(b)) if !(b >= a) => Err(Error::Range(format!(
-                "{what} sticks by {b} and slides with {a}: what holds must not be less"
-            ))),
+            (Some(a), Some(b)) if b.is_nan() || b < a => {
+                Err(Error::Range(format!("{what} sticks by {b} and slides with {a}: what holds must not be less")))
+            }
             _ => Ok(()),
         }
     }

@@ -228,7 +228,12 @@ impl Stepper {
             ready: false,
             touched: Touched::new(&contacts, &inertia),
             inertia,
-            near: Near::new(&contacts, m.contacts.iter().map(|c| !c.kind.opens()).collect(), m.n_q, options.look_at_all),
+            near: Near::new(
+                &contacts,
+                m.contacts.iter().map(|c| !c.kind.opens()).collect(),
+                m.n_q,
+                options.look_at_all,
+            ),
             contacts,
             rows: Rows::default(),
             solver: Solver::new(n_v),

@@ -13,7 +13,7 @@ G = 9.81
 def slider(force=None, np_=1, **friction):
     s = swb.Scene("x", p=np_, name="slider")
     s.force([-s.q[0] if force is None else force(s)])
-    s.friction("guide", s.q[0], **{"bound": s.p[0], **friction})
+    s.friction("guide", s.q[0], **{"bound": s.p[0] if np_ else 0.1, **friction})
     return s
 
 

@@ -103,6 +103,8 @@ fn table(n: usize, o: &Options) -> Stepper {
     let dims = Dims { x: 2 * n_v, u: 0, p: 0 };
     let contact = |name: String, touched: Vec<usize>, f: &[SharedFunction; 2]| system::Contact {
         name,
+        kind: system::Kind::Unilateral,
+        stiction: false,
         n_tangents: 0,
         gap: Nothing::shared(dims, 2),
         motion: Nothing::shared(dims, system::Contact::motion_len(n_v, 0)),

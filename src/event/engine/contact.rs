@@ -793,8 +793,7 @@ impl Engine {
                 let stops = event == Some((i, ContactWatch::Speed));
                 // an impact moves joints that stuck, whatever has led to it
                 let pushed = *struck && c.dynamics.is_joint(i);
-                let sticks =
-                    modes[i][0] == mode::CLOSED && event.is_some_and(|e| e.1 != ContactWatch::Gap) && !pushed;
+                let sticks = modes[i][0] == mode::CLOSED && event.is_some_and(|e| e.1 != ContactWatch::Gap) && !pushed;
                 let speed = b.sliding[0].hypot(b.sliding[1]);
                 // in space a velocity that the tolerances do not see has no direction that friction could go by
                 let still = if n_t == 2 { c.unseen_slide(i, at, (rtol, atol)) } else { 0.0 };

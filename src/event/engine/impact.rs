@@ -115,10 +115,7 @@ impl Engine {
                 }
                 let fine = e.is_some() || (0.0..=1.0).contains(&b.restitution);
                 (!fine).then(|| {
-                    format!(
-                        "contact {name} has restitution {} there: it must lie between 0 and 1",
-                        b.restitution
-                    )
+                    format!("contact {name} has restitution {} there: it must lie between 0 and 1", b.restitution)
                 })
             })
         });
