@@ -222,6 +222,38 @@ static void scenes() {
     CHECK(status_of([&] { swb::Stepper none(m.system()); }) == SWB_ERR_STATE);
 }
 
+/// Dry friction takes twice itself from the amplitude in half a turn; a constraint holds the other coordinate.
+static void joints() {
+    swb::Scene s("x y", "", "", "", "slider");
+    s.force({-s.q(0), s.constant(-g)});
+    CHECK(s.friction("guide", s.q(0), 0.15, 0.2) == 0);
+    CHECK(s.constraint("rail", s.q(1)) == 1);
+    CHECK(s.friction("wheel", s.v(0), 0.0) == 2);
+    CHECK(status_of([&] { s.friction("guide", s.q(0), 0.1); }) == SWB_ERR_STATE);
+    CHECK(status_of([&] { s.stiction(0, 0.1); }) == SWB_ERR_RANGE);
+    swb::Settings settings;
+    settings.set("rtol", 1e-11).set("atol", 1e-11).set("dense", "on");
+    const swb::System system = s.system();
+    swb::Integrator integrator(system, settings);
+    integrator.reinit(0.0, {1.0, 0.0, 0.0, 0.0});
+    CHECK(integrator.advance(20.0) == SWB_RUN_OUTCOME_REACHED);
+    CHECK(near(integrator.state()[0], -0.1, 1e-9) && integrator.state()[1] == 0.0);
+    const swb::Run run = integrator.run();
+    CHECK(near(run.contact_forces(1.0)[1], 0.15, 1e-10) && near(run.contact_forces(1.0)[3], g, 1e-10));
+    CHECK(run.contact_modes(15.0)[0] == SWB_CONTACT_MODE_CLOSED);
+
+    swb::Scene block("x y");
+    block.force({block.t(), block.constant(-1.0)});
+    const int64_t floor = block.contact("floor", block.q(1), {block.q(0)}, 0.3);
+    block.stiction(floor, 0.5);
+    const swb::System pushed = block.system();
+    swb::Integrator until(pushed, settings);
+    until.reinit(0.0, {0.0, 0.0, 0.0, 0.0});
+    until.advance(0.6);
+    // from 0.5 on it slides: v' = t - 0.3
+    CHECK(near(until.state()[2], 0.5 * (0.36 - 0.25) - 0.03, 1e-9));
+}
+
 /// Play: the output follows the input at the distance of the slack.
 static void projected() {
     swb::Projected play("y");
@@ -266,6 +298,7 @@ int main() {
     optimal_control();
     documents();
     scenes();
+    joints();
     projected();
     refusals();
     if (failures == 0)

@@ -378,7 +378,7 @@ static void joints(void)
 {
     static const double numbers[5] = {0.15, 0.2, -0.1, 0.1, 1.0}, start[2] = {1.0, 0.0};
     const double pi = acos(-1.0), nan = sqrt(-1.0);
-    int64_t x[2], c[5], force, index = -1, bad, modes[2], rate[1];
+    int64_t x[2], c[5], same[5], force, index = -1, bad, modes[2];
     double state[2], forces[6], times[2] = {1.0, 12.0};
     int32_t outcome;
     swb_expr *graph = NULL, *other = NULL;
@@ -392,6 +392,8 @@ static void joints(void)
     CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 2));
     CHECK_OK(swb_expr_constants(graph, numbers, 5, c, 5));
     CHECK_OK(swb_expr_constants(graph, &nan, 1, &bad, 1));
+    CHECK_OK(swb_expr_inputs(other, SWB_INPUT_X, 0, same, 2));
+    CHECK_OK(swb_expr_constants(other, numbers, 5, same, 5));
     CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_NEG, x, NULL, NULL, &force, 1));
     CHECK_OK(swb_scene_create("slider", 1, 1, 0, 0, NULL, &scene));
     CHECK_OK(swb_scene_set_force(scene, graph, &force, 1));
@@ -457,10 +459,9 @@ static void joints(void)
         swb_scene_free(scene);
     }
     /* a constraint that the start does not satisfy */
-    rate[0] = x[1];
     CHECK_OK(swb_scene_create("slider", 1, 1, 0, 0, NULL, &scene));
     CHECK_OK(swb_scene_set_force(scene, graph, &force, 1));
-    CHECK_OK(swb_scene_add_constraint(scene, graph, "stop", rate[0], NULL));
+    CHECK_OK(swb_scene_add_constraint(scene, graph, "stop", x[1], NULL));
     CHECK_OK(swb_scene_build(scene, graph));
     CHECK_OK(swb_scene_system(scene, &system));
     CHECK_OK(swb_integrator_create(system, NULL, &integrator));

@@ -200,8 +200,8 @@ function friction!(s::Scene, name, sliding, bound; stiction = nothing)
     given = stiction === nothing ? Any[sliding, bound] : Any[sliding, bound, stiction]
     all(v -> v isa Real, given) || mistake(:range, "friction $title takes expressions and numbers, not $(repr(given))")
     ids = ids_in(s.graph, Expression[Expression(v) for v in given])
-    check(Lib.swb_scene_add_friction(s, s.graph, title, ids[1], ids[2], length(ids) > 2 ? ids[3] : Int64(-1), C_NULL))
     s.current = false
+    check(Lib.swb_scene_add_friction(s, s.graph, title, ids[1], ids[2], length(ids) > 2 ? ids[3] : Int64(-1), C_NULL))
     zero_gap = in_graph(s.graph, only(ids_in(s.graph, [Expression(0.0)])))
     made = SceneContact(title, zero_gap, [in_graph(s.graph, ids[1])])
     push!(s.contacts, made)
@@ -219,8 +219,8 @@ function constraint!(s::Scene, name, zero)
     isempty(title) && mistake(:range, "the name of a constraint must not be empty")
     zero isa Real || mistake(:range, "constraint $title must be an expression, not $(repr(zero))")
     id = only(ids_in(s.graph, [Expression(zero)]))
-    check(Lib.swb_scene_add_constraint(s, s.graph, title, id, C_NULL))
     s.current = false
+    check(Lib.swb_scene_add_constraint(s, s.graph, title, id, C_NULL))
     made = SceneContact(title, in_graph(s.graph, id), Expression[])
     push!(s.contacts, made)
     return made
@@ -242,8 +242,8 @@ function add_contact(s::AnyScene, title, gap, tangents, mu, e)
     expressions = Expression[Expression(gap); Expression[Expression(t) for t in tangents]]
     ids = ids_in(s.graph, expressions)
     number_of(v) = v === nothing ? Int64(-1) : only(ids_in(s.graph, [Expression(v)]))
-    check(Lib.swb_scene_add_contact(s, s.graph, title, ids[1], ids[2:end], length(ids) - 1, number_of(mu), number_of(e), C_NULL))
     s.current = false
+    check(Lib.swb_scene_add_contact(s, s.graph, title, ids[1], ids[2:end], length(ids) - 1, number_of(mu), number_of(e), C_NULL))
     made = SceneContact(title, in_graph(s.graph, ids[1]), [in_graph(s.graph, id) for id in ids[2:end]])
     push!(s.contacts, made)
     return made
@@ -258,8 +258,8 @@ left out (see `report`). A simulation that leaves the bounds ends with an error.
 function set_bounds!(s::Scene, coordinate, low, high)
     k = coordinate isa Expression ? findfirst(x -> isequal(x, coordinate), s.q) : place_of(coordinate, s.names[1], "coordinates")
     k === nothing && mistake(:range, "$coordinate is no coordinate of the scene")
-    check(Lib.swb_scene_set_bounds(s, k - 1, number(low, "low"), number(high, "high")))
     s.current = false
+    check(Lib.swb_scene_set_bounds(s, k - 1, number(low, "low"), number(high, "high")))
     return s
 end
 
@@ -270,8 +270,8 @@ What happens where several contacts close at once: `:newton` (all in one problem
 fastest first).
 """
 function impact_law!(s::Scene, law)
-    check(Lib.swb_scene_set_impact_law(s, enum_number(Lib.NAMES_swb_impact_law, law, "law")))
     s.current = false
+    check(Lib.swb_scene_set_impact_law(s, enum_number(Lib.NAMES_swb_impact_law, law, "law")))
     return s
 end
 

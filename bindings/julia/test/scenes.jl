@@ -135,6 +135,32 @@ end
     @test a.x == b.x && maximum(abs, a.v[:, end]) < 1e-9 && a.impulses === nothing
 end
 
+@testset "friction at joints, larger friction for sticking, constraints" begin
+    s = Scene((:x, :y); p = :F)
+    force!(s, [-s.q[1], -GRAVITY])
+    guide = friction!(s, "guide", s.q[1], s.p[1]; stiction = 0.2)
+    rail = constraint!(s, "rail", s.q[2])
+    sol = simulate(s, [1.0, 0.0], [0.0, 0.0], 20.0; p = [0.15], sensitivity = true, STRICT...)
+    # every half turn loses twice the friction
+    @test sol.u[end] ≈ [-0.1, 0, 0, 0] atol = 1e-10
+    @test sol.dx_dp[1, 1] ≈ 6 atol = 1e-7
+    @test contact_mode(sol, guide, [1.0, 4.0, 15.0]) == [:slides_back, :slides, :closed]
+    @test contact_force(sol, guide, [1.0, 15.0]) ≈ [0 0; 0.15 -0.1] atol = 1e-9
+    @test contact_force(sol, rail, [1.0])[1] ≈ GRAVITY
+    @test refused(() -> friction!(s, "guide", s.q[1], 0.1), :state, "name of its own")
+    @test refused(() -> friction!(s, "", s.q[1], 0.1), :range, "must not be empty")
+    @test refused(() -> friction!(s, "other", s.q[1], "0.1"), :range, "expressions and numbers")
+    @test refused(() -> constraint!(s, "other", "x"), :range, "must be an expression")
+    @test refused(() -> simulate(s, [1.0, 0.5], [0.0, 0.0], 1.0; p = [0.15]), :range, "not satisfied at the start")
+    @test refused(() -> simulate(s, [1.0, 0.0], [0.0, 0.0], 1.0; p = [0.3]), :range, "must not be less")
+    block = Scene((:x, :y))
+    force!(block, [block.t, -1.0])
+    contact!(block, "floor", block.q[2]; tangents = block.q[1], mu = 0.3, mu_s = 0.5)
+    # from 0.5 on it slides: v' = t - 0.3
+    @test simulate(block, zeros(2), zeros(2), 0.6; STRICT...).u[end][3] ≈ 0.5 * (0.36 - 0.25) - 0.03 atol = 1e-9
+    @test refused(() -> contact!(block, "wall", block.q[1]; mu_s = 0.1), :range, "cannot stick")
+end
+
 @testset "nonsense" begin
     function plane()
         made = Scene((:x, :y))

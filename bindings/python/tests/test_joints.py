@@ -161,6 +161,20 @@ def test_nonsense(what):
         call()
 
 
+def test_a_scene_survives_what_it_refuses():
+    s = slider()
+    first = s.simulate([1.0], [0.0], 20.0, p=[0.15])
+    for call in (
+        lambda: s.friction("guide", s.q[0], 1.0),
+        lambda: s.constraint("guide", s.q[0]),
+        lambda: s.contact("guide", s.q[0]),
+        lambda: s.bounds("x", 1.0, 0.0),
+    ):
+        with pytest.raises(swb.SwitchbackError):
+            call()
+        assert s.simulate([1.0], [0.0], 20.0, p=[0.15]).x_end == pytest.approx(first.x_end, abs=0)
+
+
 def test_a_negative_bound_ends_the_run():
     with pytest.raises(swb.RangeError, match="must not be negative"):
         slider().simulate([0.0], [1.0], 1.0, p=[-1.0])

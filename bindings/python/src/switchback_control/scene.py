@@ -122,6 +122,7 @@ class _ContactSystem(Named):
         """Add a contact whose parts are checked; `mu` and `e` are numbers of expressions, -1 for zero."""
         ids = numpy.array([int(t._ids) for t in tangents], dtype=numpy.int64)
         place = ctypes.c_int64()
+        self._current = False  # a call that is refused takes the built scene back, too
         self._made._do(
             "add_contact",
             self.graph,
@@ -133,7 +134,6 @@ class _ContactSystem(Named):
             e,
             ctypes.byref(place),
         )
-        self._current = False
         made = SceneContact(name, gap, tuple(tangents))
         self.contacts.append(made)
         return made
@@ -264,8 +264,8 @@ class Scene(_ContactSystem):
         return int(given._ids)
 
     def _joined(self, function: str, name: str, ids: Sequence[int], gap: Expr, tangents: tuple[Expr, ...]) -> SceneContact:
-        self._made._do(function, self.graph, encode(name, "name"), *ids, None)
         self._current = False
+        self._made._do(function, self.graph, encode(name, "name"), *ids, None)
         made = SceneContact(name, gap, tangents)
         self.contacts.append(made)
         return made
@@ -302,8 +302,9 @@ class Scene(_ContactSystem):
     def bounds(self, coordinate: Any, low: float, high: float) -> None:
         """State that a coordinate stays between bounds: contacts that cannot close there are left out (see `report`). A
         simulation that leaves the bounds ends with an error then. -inf and inf say nothing about their side."""
-        self._made._do("set_bounds", self._place(coordinate), number(low, "low"), number(high, "high"))
+        place, low, high = self._place(coordinate), number(low, "low"), number(high, "high")
         self._current = False
+        self._made._do("set_bounds", place, low, high)
 
     def _place(self, coordinate: Any) -> int:
         if isinstance(coordinate, Expr) and coordinate.ndim == 0:
@@ -319,8 +320,9 @@ class Scene(_ContactSystem):
     def impact_law(self, law: str | ImpactLaw) -> None:
         """Law for several contacts that close at once: "newton" (all in one problem) or "sequential" (one after the
         other, the fastest first)."""
-        self._made._do("set_impact_law", int(choice(ImpactLaw, law, "law")))
+        chosen = int(choice(ImpactLaw, law, "law"))
         self._current = False
+        self._made._do("set_impact_law", chosen)
 
     def simulate(self, q0: Any, v0: Any, t_span: Any, **keywords: Any) -> Run:
         """Simulate from coordinates and velocities; see `switchback_control.simulate` for the rest."""
