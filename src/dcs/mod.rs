@@ -92,8 +92,8 @@ impl Dcs {
         }
         if system.n_algebraic() > 0 {
             return Err(Error::Unsupported(
-                "this method integrates ordinary differential equations: simulate a system with algebraic equations \
-                 with finite elements"
+                "this method takes ordinary differential equations only: leave the algebraic equations out, or solve them for the \
+                 algebraic states"
                     .into(),
             ));
         }

@@ -305,8 +305,6 @@ impl SavedSystem {
             let (f, psi) = (i.f.restore(supplied)?, i.psi.restore(supplied)?);
             system.add_inclusion(Inclusion { rows: i.rows.clone(), f, psi, set: SetValued::Step })?;
         }
-        let equations = self.algebraic_equations.as_ref().map(|g| g.restore(supplied)).transpose()?;
-        system.set_algebraic(self.algebraic, equations)?;
         for t in &self.transitions {
             system.add_transition(Transition {
                 guard: t.guard.restore(supplied)?,
@@ -326,6 +324,9 @@ impl SavedSystem {
                 rule: (&t.rule).into(),
             })?;
         }
+        // behind the transitions, which say which of the last states are discrete
+        let equations = self.algebraic_equations.as_ref().map(|g| g.restore(supplied)).transpose()?;
+        system.set_algebraic(self.algebraic, equations)?;
         for c in &self.choices {
             system.add_choice(c.control, &c.values, c.dwell)?;
         }

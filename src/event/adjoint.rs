@@ -42,7 +42,7 @@ pub enum Term {
 }
 
 /// A gradient. What it has no value for is NaN: data that part contacts which close together, whose order decides what follows.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gradient {
     /// With respect to the initial state.
     pub x0: Vec<f64>,

@@ -144,6 +144,14 @@ impl Path {
         }
     }
 
+    /// What a state follows in the last step.
+    pub(super) fn set_last(&mut self, state: usize, poly: &Poly) {
+        let first = self.poly.len().saturating_sub(self.nx);
+        if let Some(p) = self.poly.get_mut(first + state) {
+            *p = *poly;
+        }
+    }
+
     /// A piece along a straight line.
     pub(super) fn push_line(&mut self, t: f64, end: f64, x: &[f64], f: &[f64]) {
         self.begin(t, end, end - t);

@@ -273,7 +273,7 @@ impl Integrator {
         let engine = self.engine.get();
         self.t = engine.time();
         self.x.copy_from_slice(engine.state());
-        self.f.copy_from_slice(engine.derivative());
+        engine.whole_derivative(&mut self.f);
         self.ending = Ending { outcome: engine.outcome(), stopped: false };
         self.reason.clear();
         self.reason.push_str(engine.reason());

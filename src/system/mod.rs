@@ -7,8 +7,10 @@
 //! A [`Subsystem`] has its own modes and regions: switching functions `ψ` with a sign matrix, or Stewart's
 //! indicator functions. Subsystems add: `n` of them with two modes cost `2n` modes, not `2^n`.
 
+mod algebraic;
 mod choice;
 mod contact;
+mod eliminated;
 mod on_demand;
 mod smoothed;
 mod smoothed_whole;
@@ -20,8 +22,10 @@ use crate::error::{Error, Result};
 use crate::func::{Dims, Function};
 use crate::memory::sizes;
 
+pub(crate) use algebraic::{Algebraic, Guess};
 pub use choice::Choice;
 pub use contact::{Contact, ImpactLaw, Inertia, Kind, Local, Mechanics, Order, Projection};
+pub(crate) use eliminated::Elimination;
 pub use on_demand::{OnDemand, Signed};
 pub use smoothed::Widths;
 pub use transition::{Direction, Effect, Reset, Rule, Transition, Trigger};
@@ -113,6 +117,7 @@ pub struct System {
     subsystems: Vec<Subsystem>,
     inclusions: Vec<Inclusion>,
     n_z: usize,
+    first_z: usize,
     algebraic: Option<SharedFunction>,
     transitions: Vec<Transition>,
     choices: Vec<Choice>,
@@ -159,6 +164,7 @@ impl System {
             subsystems: Vec::new(),
             inclusions: Vec::new(),
             n_z: 0,
+            first_z: nx,
             algebraic: None,
             transitions: Vec::new(),
             choices: Vec::new(),
@@ -198,9 +204,14 @@ impl System {
         &self.inclusions
     }
 
-    /// Number of algebraic states, the last of all.
+    /// Number of algebraic states, the last of all but for the discrete ones.
     pub fn n_algebraic(&self) -> usize {
         self.n_z
+    }
+
+    /// The algebraic states.
+    pub fn algebraic_states(&self) -> std::ops::Range<usize> {
+        self.first_z..self.first_z + self.n_z
     }
 
     /// The algebraic equations that are not part of `f0`.
@@ -209,21 +220,37 @@ impl System {
     }
 
     /// Makes the last `n_z` states algebraic: what stands in their rows of the right-hand side, and the `n_z` outputs of
-    /// `g` where it is given, adds up to zero. Their initial values are guesses where the equations determine them.
+    /// `g` where it is given, adds up to zero. Their initial values are guesses where the equations determine them. States that
+    /// transitions alone change, and that stand behind all others as those of a model do, are not counted: add the transitions before.
     pub fn set_algebraic(&mut self, n_z: usize, g: Option<SharedFunction>) -> Result<()> {
-        if n_z >= self.dims.x {
+        if n_z > 0 {
+            self.check_modes_known()?;
+        }
+        let discrete = self.discrete_states();
+        // equations that are rows of the right-hand side depend on something, and states that clocks count with do not
+        let rests = |i: &usize| g.is_none() && !self.transitions.is_empty() && !self.is_driven(*i);
+        let is_discrete = |i: &usize| discrete.binary_search(i).is_ok() || rests(i);
+        let behind = (0..self.dims.x).rev().take_while(is_discrete).count();
+        if n_z > 0 && n_z + behind >= self.dims.x {
             return Err(Error::Dimension(format!(
                 "{n_z} of {} states are algebraic: one at least must have a derivative",
-                self.dims.x
+                self.dims.x - behind
             )));
         }
         if let Some(g) = &g {
             self.check(g.as_ref(), n_z)?;
         }
-        self.n_z = n_z;
+        (self.n_z, self.first_z) = (n_z, self.dims.x - behind - n_z);
         self.algebraic = g;
         self.combined = None;
         Ok(())
+    }
+
+    /// Does a derivative of this state, or an equation in its place, depend on anything?
+    fn is_driven(&self, i: usize) -> bool {
+        let by_modes = self.subsystems.iter().map(|s| &s.rows).chain(self.inclusions.iter().map(|i| &i.rows));
+        let by_f0 = self.f0.as_ref().is_some_and(|f| f.jac_pattern().row_idx().contains(&i));
+        by_f0 || by_modes.into_iter().any(|rows| rows.contains(&i))
     }
 
     /// The whole right-hand side as one function, see [`System::set_combined`].

@@ -297,12 +297,17 @@ impl System {
                 return Err(Error::Range(format!("transition {k}: the states of a reset ascend, each once")));
             }
         }
-        let smooth = self.dims.x - self.n_z;
         for (what, list) in [("from", &t.from), ("to", &t.to)] {
             for (i, &(state, value)) in list.iter().enumerate() {
-                if state >= smooth {
+                if state >= self.dims.x {
                     return Err(Error::Range(format!(
-                        "transition {k}: `{what}` names the state {state}, but there are {smooth}"
+                        "transition {k}: `{what}` names the state {state}, but there are {}",
+                        self.dims.x
+                    )));
+                }
+                if self.algebraic_states().contains(&state) {
+                    return Err(Error::Range(format!(
+                        "transition {k}: `{what}` names the state {state}, which is algebraic: it has no value of its own"
                     )));
                 }
                 if !value.is_finite() {

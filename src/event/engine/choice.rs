@@ -172,9 +172,18 @@ impl Engine {
         let n = continuations.len();
         let mut b = Branching {
             t: self.t,
-            x: self.x.clone(),
-            before: (0..n_sub).map(|k| self.field.modes(k)).collect(),
-            continuations,
+            x: self.state().to_vec(),
+            before: self.all_modes((0..n_sub).map(|k| self.field.modes(k)).collect()),
+            continuations: match &self.algebraic {
+                None => continuations,
+                Some(a) => continuations
+                    .into_iter()
+                    .map(|c| Continuation {
+                        modes: self.all_modes(c.modes),
+                        velocity: c.velocity[..a.n_states()].to_vec(),
+                    })
+                    .collect(),
+            },
             taken: None,
         };
         b.taken = match (&mut self.decider, self.options.ambiguity) {

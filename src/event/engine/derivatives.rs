@@ -1,5 +1,6 @@
 //! Sensitivities along a run: forward as it goes, and the record for the adjoint sweep.
 
+use super::algebraic::Folded;
 use super::{recover, Engine};
 use crate::error::{finite, Error, Result};
 use crate::event::adjoint::along::Along;
@@ -40,7 +41,8 @@ impl Engine {
     pub fn sensitivity(&self) -> Option<&[f64]> {
         // derivatives by inputs that a model does not have are there, and have no columns
         let asked = self.options.sensitivity != Sensitivity::Off;
-        self.derivatives.sens.as_ref().map(|s| &s.s[..]).or(asked.then_some(&[]))
+        let whole = || self.derivatives.sens.as_ref().map(|s| &s.s[..]);
+        self.shown_sensitivity().or_else(whole).or(asked.then_some(&[]))
     }
 
     /// True where the motion since the start had several continuations somewhere, one of which was chosen.
@@ -60,8 +62,11 @@ impl Engine {
     /// for every algebraic variable for an implicit one, and `2 nx + np + nu` for a switch. A sweep costs about as much as the run,
     /// whatever the number of parameters.
     pub fn adjoint(&mut self, v: &[f64], terms: &[Term]) -> Result<Gradient> {
-        finite("derivative with respect to the state", v, self.nx)?;
+        finite("derivative with respect to the state", v, self.n_shown())?;
         for t in terms {
+            if let (Term::State { v, .. }, true) = (t, self.algebraic.is_some()) {
+                finite("derivative of a term", v, self.n_shown())?;
+            }
             if let Term::Switch { index, .. } = t {
                 if *index >= self.log.switches.len() {
                     let n = self.log.switches.len();
@@ -75,7 +80,14 @@ impl Engine {
                 }
             }
         }
-        self.with_tape(|tape, radau, field| adjoint::sweep(tape, radau, field, v, terms))
+        match self.fold(v, terms)? {
+            None => self.with_tape(|tape, radau, field| adjoint::sweep(tape, radau, field, v, terms)),
+            Some(Folded { v, terms, direct }) => {
+                let mut g = self.with_tape(|tape, radau, field| adjoint::sweep(tape, radau, field, &v, &terms))?;
+                self.unfold(&mut g, &direct);
+                Ok(g)
+            }
+        }
     }
 
     /// The gradient by [`Engine::adjoint`] and its derivative in a direction, of changes of initial state, parameters and controls: the product of the
@@ -87,14 +99,33 @@ impl Engine {
     /// Those of [`Engine::adjoint`]; [`Error::Unsupported`] where the run has implicit steps, contacts, zeros of higher order, or transitions that
     /// follow another event at the same time.
     pub fn adjoint_along(&mut self, v: &[f64], direction: &Gradient) -> Result<Along> {
-        finite("derivative with respect to the state", v, self.nx)?;
-        finite("direction of the initial state", &direction.x0, self.nx)?;
+        finite("derivative with respect to the state", v, self.n_shown())?;
+        finite("direction of the initial state", &direction.x0, self.n_shown())?;
         finite("direction of the parameters", &direction.p, self.field.p.len())?;
         finite("direction of the controls", &direction.u, self.field.u.len())?;
         if self.field.has_contacts() {
             return Err(Error::Unsupported("runs with contacts have no second derivatives".into()));
         }
-        self.with_tape(|tape, radau, field| adjoint::along::sweep(tape, radau, field, v, direction))
+        let Some(Folded { v: moving, direct, .. }) = self.fold(v, &[])? else {
+            return self.with_tape(|tape, radau, field| adjoint::along::sweep(tape, radau, field, v, direction));
+        };
+        let mut direction = direction.clone();
+        self.unfold(&mut direction, &Gradient::default());
+        direction.x0.resize(self.nx, 0.0);
+        let mut along =
+            self.with_tape(|tape, radau, field| adjoint::along::sweep(tape, radau, field, &moving, &direction))?;
+        self.unfold(&mut along.gradient, &direct);
+        let nx = self.n_shown();
+        if let Some((change, direct)) = self.fold_along(v, &direction, &mut along)? {
+            let g = self.with_tape(|tape, radau, field| adjoint::sweep(tape, radau, field, &change, &[]))?;
+            let d = &mut along.derivative;
+            for (to, own) in [(&mut d.x0, &g.x0), (&mut d.p, &g.p), (&mut d.u, &g.u)] {
+                to.iter_mut().zip(own).for_each(|(t, g)| *t += g);
+            }
+            self.unfold(&mut along.derivative, &direct);
+        }
+        along.state.truncate(nx);
+        Ok(along)
     }
 
     /// Goes over the record, and puts everything back.

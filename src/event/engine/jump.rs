@@ -227,9 +227,10 @@ impl Engine {
             s.advance(&self.f_before, 1.0);
         }
         let (mut resets, mut chain, mut cascade) = (Vec::new(), Vec::new(), Cascade::default());
-        let (mut next, mut rate, mut unique, mut made) = (Some((guard, false)), rate, true, 0);
+        let (mut next, mut rate, mut unique, mut made, mut owned) = (Some((guard, false)), rate, true, 0, 0);
         let mut log = (self.log.switches.len(), start);
         let length = self.usual_step();
+        self.settle()?;
         while let Some((g, vanishes)) = next {
             if made > 0 && self.is_called_off() {
                 // what has been made is complete; the next step begins with the others, at the same time
@@ -250,6 +251,9 @@ impl Engine {
             if self.derivatives.reset.x.iter().any(|v| !v.is_finite()) {
                 return Err(EvalError::Recoverable);
             }
+            if self.field.guards.all[g].transition.rule.effect != Effect::Stop {
+                self.settle_reset(g)?;
+            }
             if let Some(s) = &mut self.derivatives.sens {
                 s.reset_by(&self.derivatives.reset.jac);
             }
@@ -257,16 +261,19 @@ impl Engine {
                 resets.extend_from_slice(&self.derivatives.reset.jac);
                 chain.push(g);
             }
-            if self.log.jumps.len() < self.options.max_log {
+            let own = self.log_own(g, rate);
+            owned += usize::from(own);
+            if !own && self.log.jumps.len() < self.options.max_log {
+                let nx = self.n_shown();
                 self.log.jumps.push(Jump {
                     t: self.t,
                     transition: g,
                     states: Vec::new(),
-                    before: self.x.clone(),
-                    after: self.derivatives.reset.x.clone(),
+                    before: self.x[..nx].to_vec(),
+                    after: self.derivatives.reset.x[..nx].to_vec(),
                     rate,
                     simultaneous: false,
-                    dt: self.derivatives.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone()),
+                    dt: self.shown_dt(),
                 });
             }
             if self.field.guards.all[g].transition.rule.effect == Effect::Stop {
@@ -294,7 +301,7 @@ impl Engine {
             self.log.one_sided |= held.is_some_and(|h| h.1);
             next = held;
         }
-        self.log.stats.jumps += made;
+        self.log.stats.jumps += made - owned;
         self.log.one_sided |= !unique;
         for j in &mut self.log.jumps[start..] {
             j.simultaneous = made > 1;

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::accumulation::Recent;
+use super::algebraic::Follower;
 use super::chatter::Window;
 use super::contact::SceneRoom;
 use super::control::{Cut, FirstStep, Pace};
@@ -31,9 +32,12 @@ use crate::system::System;
 impl Engine {
     /// Prepares the simulation of a system. State, controls and parameters are zero until they are set.
     pub fn new(system: &System, options: &Options) -> Result<Engine> {
+        let (elimination, stated) = (system.eliminated()?, system);
+        let system = elimination.as_ref().map_or(system, |e| &e.system);
         let dcs = Dcs::with_modes_on_demand(system)?;
         let nx = dcs.dims().x;
-        options.validate(nx)?;
+        let n_shown = stated.dims().x;
+        options.validate(n_shown)?;
         if system.on_demand().is_some() && (options.sensitivity != Sensitivity::Off || options.adjoint) {
             return Err(Error::Unsupported(
                 "derivatives of simulations whose modes are formed on demand: the model has too many coupled switching functions for \
@@ -44,11 +48,21 @@ impl Engine {
         let mut field = Field::new(&dcs, system);
         field.selection = options.selection;
         field.traces.keeps_columns = options.sensitivity != Sensitivity::Off || options.adjoint;
-        check_preferred(options, &field)?;
         let spread = |v: &[f64]| (0..nx).map(|i| v[i % v.len()]).collect::<Vec<f64>>();
         let (n_q, n_z, n_cells) = (field.q.len(), field.n_z, field.n_cells);
         let most = n_cells.saturating_sub(field.subs.len());
-        let (rtol, atol) = (spread(&options.rtol), spread(&options.atol));
+        let (mut rtol, mut atol) = (spread(&options.rtol), spread(&options.atol));
+        let follower = elimination.as_ref().map(|e| Box::new(Follower::new(e, stated)));
+        let mut options = options.clone();
+        if let Some(a) = &follower {
+            options.preferred = a.preferred(&options.preferred);
+        }
+        check_preferred(&options, &field)?;
+        if let Some(a) = &follower {
+            // errors are means of squares over all states, and those of algebraic ones are zero
+            let share = ((n_shown - a.states().len()) as f64 / nx as f64).sqrt();
+            rtol.iter_mut().chain(&mut atol).for_each(|v| *v *= share);
+        }
         // a relative tolerance near rounding makes nothing of a state count as large
         field.floor = rtol.iter().zip(&atol).map(|(r, a)| a / r.max(EPS.sqrt())).collect();
         let finest = rtol.iter().fold(f64::INFINITY, |m, v| m.min(*v));
@@ -65,7 +79,6 @@ impl Engine {
             s.use_supports(&field.supports());
         }
         Ok(Engine {
-            options: options.clone(),
             nx,
             rtol,
             atol,
@@ -90,6 +103,7 @@ impl Engine {
             discrete: system.discrete_states(),
             known_times: (system.known_times().to_vec(), 0),
             notes: Notes::new(system),
+            algebraic: follower,
             unmade: false,
             interrupt: None,
             polls: Polls { ask: None, next: Instant::now(), to_end: false },
@@ -153,7 +167,10 @@ impl Engine {
             },
             calendar: Calendar {
                 within_steps: false,
-                units: UnitEvents::new(&field, &system.discrete_states()).map(Box::new),
+                // algebraic states follow the others in whole steps
+                units: UnitEvents::new(&field, &system.discrete_states())
+                    .filter(|_| elimination.is_none())
+                    .map(Box::new),
                 worth: Worth::default(),
                 shrinking: Shrinking::default(),
                 limits: (f64::NEG_INFINITY, 0),
@@ -185,7 +202,7 @@ impl Engine {
                 contacts: Vec::new(),
                 accumulations: Vec::new(),
                 stats: Statistics::default(),
-                path: options.dense.then(|| Path::new(nx, options.dense_steps)),
+                path: options.dense.then(|| Path::new(n_shown, options.dense_steps)),
                 sampled: Sampled::default(),
                 one_sided: false,
                 ambiguous: false,
@@ -201,6 +218,7 @@ impl Engine {
                 held_back: 0,
             },
             field,
+            options,
         })
     }
 
@@ -223,9 +241,11 @@ impl Engine {
     /// Sets time and state and clears log, statistics and dense output.
     pub fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
         finite("time", &[t], 1)?;
-        finite("state", x, self.nx)?;
+        let n_shown = self.n_shown();
+        finite("state", x, n_shown)?;
         (self.t, self.t_start) = (t, t);
-        self.x.copy_from_slice(x);
+        self.x[..n_shown].copy_from_slice(x);
+        self.x[n_shown..].fill(0.0);
         for a in &mut self.field.active {
             a.clear();
         }
@@ -250,10 +270,13 @@ impl Engine {
         self.calendar.shrinking = Shrinking::default();
         self.calendar.limits = (f64::NEG_INFINITY, 0);
         self.calendar.recent.last = t;
-        self.field.guards.reset(x);
+        self.field.guards.reset(&self.x);
         self.known_times.1 = 0;
         if let Some(n) = &mut self.notes {
             n.reset();
+        }
+        if let Some(a) = &mut self.algebraic {
+            a.reset();
         }
         self.functions.levels.fill(0.0);
         self.functions.reached.fill(0.0);

@@ -1,6 +1,7 @@
 //! The loop: steps under error control, switches at their ends.
 
 mod accumulation;
+mod algebraic;
 mod chatter;
 mod choice;
 mod contact;
@@ -29,6 +30,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use self::algebraic::Follower;
 use self::control::{Beyond, Cut, Tried};
 use self::foresight::Foresight;
 use self::limit_set::Origin;
@@ -109,6 +111,8 @@ pub struct Engine {
     known_times: (Vec<(f64, bool)>, usize),
     /// Transitions that note.
     notes: Option<Box<Notes>>,
+    /// The states that algebraic equations determine.
+    algebraic: Option<Box<Follower>>,
     /// The last call was ended between transitions of one time.
     unmade: bool,
     interrupt: Option<Arc<AtomicBool>>,
@@ -229,12 +233,12 @@ impl Engine {
 
     /// State reached.
     pub fn state(&self) -> &[f64] {
-        &self.x
+        &self.x[..self.n_shown()]
     }
 
-    /// Derivative of the state under the present active set.
+    /// Derivative of the state under the present active set; zero for algebraic states, see [`Engine::whole_derivative`].
     pub fn derivative(&self) -> &[f64] {
-        &self.f
+        &self.f[..self.n_shown()]
     }
 
     /// How the simulation stands.
@@ -304,6 +308,10 @@ impl Engine {
 
     /// Active modes of a subsystem; empty before the first step.
     pub fn active(&self, subsystem: usize) -> Vec<usize> {
+        let subsystem = match self.own_modes(subsystem) {
+            Ok(modes) => return modes,
+            Err(k) => k,
+        };
         if self.field.active.get(subsystem).is_none_or(|a| a.is_empty()) {
             return Vec::new();
         }
@@ -343,7 +351,7 @@ impl Engine {
             reason: std::mem::take(&mut self.log.reason),
             stopped_by: self.log.stopped_by,
             t: self.t,
-            x: self.x.clone(),
+            x: self.state().to_vec(),
             switches: std::mem::take(&mut self.log.switches),
             jumps: std::mem::take(&mut self.log.jumps),
             notes: std::mem::take(&mut self.log.notes),
@@ -436,6 +444,9 @@ impl Engine {
         }
         if let Some(tape) = self.derivatives.tape.as_mut().filter(|_| self.t == t_stop) {
             tape.stop(t_stop);
+        }
+        if self.algebraic.is_some() {
+            self.settle_end(self.t == t_stop)?;
         }
         Ok(progress)
     }
@@ -626,7 +637,8 @@ impl Engine {
     fn coast(&mut self, t_stop: f64) -> Progress {
         let left = t_stop - self.t;
         if let Some(p) = self.log.path.as_mut().filter(|_| left > 0.0) {
-            p.push_line(self.t, t_stop, &self.x, &self.f);
+            let n = self.algebraic.as_ref().map_or(self.nx, |a| a.n_states());
+            p.push_line(self.t, t_stop, &self.x[..n], &self.f[..n]);
         }
         self.x.iter_mut().zip(&self.f).for_each(|(x, f)| *x += left * f);
         self.t = t_stop;
@@ -650,6 +662,9 @@ impl Engine {
             self.log.reason = format!("{}; {cause}", self.log.reason);
         }
         if matches!(outcome, Outcome::StepTooSmall | Outcome::NoContinuation) {
+            if let Some(complaint) = self.algebraic.as_ref().and_then(|a| a.complaint()) {
+                self.log.reason = format!("{}; {complaint}", self.log.reason);
+            }
             if let Some(complaint) = trouble::last_after(self.log.heard) {
                 self.log.reason = format!("{}; last complaint: {complaint}", self.log.reason);
             }

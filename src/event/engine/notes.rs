@@ -160,6 +160,12 @@ impl Engine {
     pub(super) fn note_within(&mut self, t1: f64, units: Option<&UnitEvents>) -> Result<()> {
         let Some(mut notes) = self.notes.take() else { return Ok(()) };
         let logged = self.log.notes.len();
+        if let Some(a) = &self.algebraic {
+            // no guard depends on them, and all begin with them
+            for i in a.states().chain(a.n_states()..self.nx) {
+                notes.x[i] = self.x[i];
+            }
+        }
         let (mut r, mut times) = (Ok(()), Vec::new());
         for k in 0..notes.all.len() {
             times.clear();
@@ -273,7 +279,7 @@ impl Engine {
         self.look_at_start(notes, k, w.from)?;
         if before == Some(false) && notes.all[k].is_true() {
             // a jump has made it true
-            let dt = self.derivatives.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone());
+            let dt = self.shown_dt();
             let x = self.state_in(&w, w.from);
             self.log_note(Noted { t: w.from, transition: notes.all[k].number, x, rate: f64::NAN, dt });
         }
@@ -464,7 +470,11 @@ impl Engine {
         }
     }
 
-    fn log_note(&mut self, noted: Noted) {
+    fn log_note(&mut self, mut noted: Noted) {
+        if let Some(a) = &self.algebraic {
+            a.show(noted.t, &mut noted.x, &[], &self.field.u, &self.field.p);
+            noted.x.truncate(a.n_states());
+        }
         self.log.stats.notes += 1;
         if self.log.notes.len() < self.options.max_log {
             self.log.notes.push(noted);

@@ -47,7 +47,8 @@ impl Engine {
         }
         let mut s = Sampled::default();
         memory::reserve(&mut s.times, times.len())?;
-        memory::reserve(&mut s.states, times.len() * self.nx)?;
+        let nx = self.n_shown();
+        memory::reserve(&mut s.states, times.len() * nx)?;
         s.times.extend_from_slice(times);
         s.states.resize(times.len() * self.nx, f64::NAN);
         self.log.sampled = s;
@@ -56,24 +57,33 @@ impl Engine {
 
     /// The states asked for, one after the other, which are not asked for any more; NaN at times behind the one reached.
     pub fn take_samples(&mut self) -> Vec<f64> {
-        let (t, nx, x) = (self.t, self.nx, &self.x);
-        self.log.sampled.write(t, nx, |_, out| out.copy_from_slice(x));
+        let (t, nx, x) = (self.t, self.n_shown(), &self.x);
+        self.log.sampled.write(t, nx, |_, out| out.copy_from_slice(&x[..nx]));
         std::mem::take(&mut self.log.sampled).states
     }
 
     /// A piece of the dense output, which stands in the step, ends at time `t1`.
     pub(super) fn note_piece(&mut self, t1: f64) {
+        let nx = self.n_shown();
         let s = &self.stepper.step;
         if let Some(p) = &mut self.log.path {
-            p.push(s.t, t1, s.h, &s.poly);
+            p.push(s.t, t1, s.h, &s.poly[..nx]);
         }
-        self.log.sampled.write(t1, self.nx, |t, out| s.at((t - s.t) / s.h, out));
+        let (follower, u, p) = (self.algebraic.as_deref(), &self.field.u, &self.field.p);
+        self.log.sampled.write(t1, nx, |t, out| {
+            s.at((t - s.t) / s.h, out);
+            if let Some(a) = follower {
+                a.show(t, out, &s.x0[nx..], u, p);
+            }
+        });
+        self.note_algebraic(t1);
     }
 
     /// `k`-th derivative of the dense output at a time in the last step.
     pub fn get_dky(&mut self, t: f64, k: usize, out: &mut [f64]) -> Result<()> {
-        if out.len() != self.nx {
-            return Err(Error::Dimension(format!("room for {} values, a state has {}", out.len(), self.nx)));
+        let nx = self.n_shown();
+        if out.len() != nx {
+            return Err(Error::Dimension(format!("room for {} values, a state has {nx}", out.len())));
         }
         if self.stepper.step.h == 0.0 {
             return Err(Error::State("there is no dense output before the first step".into()));
@@ -96,6 +106,7 @@ impl Engine {
                 out[i as usize] = c.tracks.derivative(&self.stepper.step, i as usize, k, t);
             }
         }
+        self.algebraic_dky(t, k, out);
         Ok(())
     }
 
@@ -133,7 +144,10 @@ impl Engine {
     }
 
     /// Notes a surface that is only touched: the derivatives hold for one side.
-    pub(super) fn touch(&mut self, contact: Contact) {
+    pub(super) fn touch(&mut self, mut contact: Contact) {
+        if let Some(a) = &self.algebraic {
+            contact.subsystem = a.outer(contact.subsystem);
+        }
         self.log.one_sided = true;
         if self.log.contacts.len() < self.options.max_log {
             self.log.contacts.push(contact);
@@ -171,13 +185,13 @@ impl Engine {
                 t: self.t,
                 kind,
                 simultaneous: false,
-                subsystem: k,
+                subsystem: self.algebraic.as_ref().map_or(k, |a| a.outer(k)),
                 before: a,
                 after: b,
                 rate,
                 transversality: cosine.unwrap_or(f64::NAN),
                 unique,
-                dt: self.derivatives.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone()),
+                dt: self.shown_dt(),
             });
         }
         self.log.stats.switches += n;

@@ -20,8 +20,10 @@ impl Engine {
         }
         let before: Vec<Vec<usize>> = self.field.active.clone();
         let first = before.iter().any(Vec::is_empty) || before.is_empty();
-        let found = self.begin_inner(first);
-        let found = recover(found.map(Some), None)?;
+        let found = match self.settle_start(first)? {
+            true => recover(self.begin_inner(first).map(Some), None)?,
+            false => None,
+        };
         if found.is_none() {
             self.fail(Outcome::NoContinuation, "the system is not defined at this point".into());
         }

@@ -278,6 +278,23 @@ impl<T: Scalar> Lu<T> {
 }
 
 impl Lu<f64> {
+    /// Is the determinant of what was factorised negative?
+    pub fn is_determinant_negative(&self) -> bool {
+        let n = self.n;
+        let mut negative = (0..n).filter(|&i| self.a[i * n + i] < 0.0).count() % 2 == 1;
+        // the parity of the exchanges: a cycle of length `l` takes `l - 1` of them
+        let mut seen = vec![false; n];
+        for i in 0..n {
+            let mut at = i;
+            while !seen[at] {
+                seen[at] = true;
+                at = self.perm[at];
+                negative ^= !seen[at];
+            }
+        }
+        negative
+    }
+
     /// Replaces `m` right-hand sides by their solutions: `b` is row-major, `n × m`; `work` has [`block_work`] numbers.
     pub fn solve_block(&self, m: usize, b: &mut [f64], work: &mut [f64]) {
         let (n, ld) = (self.n, m.next_multiple_of(LANES));
