@@ -676,6 +676,162 @@ static void batches(void)
     }
 }
 
+/* x' = u - z, 0 = z + z^3 - (1 + p) x - x^3 - p x^3: for p = 0 it is z = x. */
+static int32_t tied(const swb_point *at, double *out, void *user_data)
+{
+    const double x = at->x[0], z = at->x[1];
+    (void)user_data;
+    out[0] = at->u[0] - z;
+    out[1] = z + z * z * z - (1.0 + at->p[0]) * (x + x * x * x);
+    return 0;
+}
+
+/* 0 = x - 1: not of index 1. */
+static int32_t untied(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[1];
+    out[1] = at->x[0] - 1.0;
+    return 0;
+}
+
+static int32_t ones(const swb_point *at, double *out, void *user_data)
+{
+    (void)at;
+    (void)user_data;
+    out[0] = out[1] = 1.0;
+    return 0;
+}
+
+/* 0 = z^2 + x: no solution for positive x. */
+static int32_t unsolvable(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[1];
+    out[1] = at->x[1] * at->x[1] + at->x[0];
+    return 0;
+}
+
+/* A code that depends on the algebraic state. */
+static int32_t tied_and_failing(const swb_point *at, double *out, void *user_data)
+{
+    tied(at, out, NULL);
+    return at->x[1] < 0.5 ? *(const int32_t *)user_data : 0;
+}
+
+static swb_integrator *make_tied(swb_value_fn f, void *user_data, swb_system **system)
+{
+    swb_integrator *integrator = NULL;
+    swb_function *f0 = make_function("f0", 2, 1, 1, 2, f, user_data);
+
+    CHECK_OK(swb_system_create(2, 1, 1, system));
+    CHECK_OK(swb_system_set_f0(*system, f0));
+    CHECK_OK(swb_system_set_algebraic(*system, 1, NULL));
+    swb_function_free(f0);
+    CHECK_OK(swb_integrator_create(*system, NULL, &integrator));
+    return integrator;
+}
+
+/* Algebraic equations of index 1: known solutions, derivatives, controls on the way, and what has no solution. */
+static void algebraic(void)
+{
+    static const double x0[2] = {1.0, 0.3}, two[4] = {1.0, 0.0, -1.0, 5.0}, v[2] = {0.0, 1.0}, one = 1.0;
+    swb_system *system = NULL;
+    swb_integrator *i = make_tied(tied, NULL, &system);
+    swb_batch *batch = NULL;
+    swb_run *run = NULL;
+    double x[2], f[2], y[4], g[2], gp, gu, s[8];
+    int32_t outcome = -1, outcomes[2] = {-1, -1}, code = -3;
+    char reason[600] = "";
+
+    CHECK_OK(swb_integrator_set_string(i, "rtol", "1e-11"));
+    CHECK_OK(swb_integrator_set_string(i, "atol", "1e-12"));
+    CHECK_OK(swb_integrator_set_string(i, "sensitivity", "on"));
+    CHECK_OK(swb_integrator_set_string(i, "adjoint", "on"));
+    CHECK_OK(swb_integrator_reinit(i, 0.0, x0, 2));
+    CHECK_OK(swb_integrator_advance(i, 1.0, &outcome));
+    CHECK_OK(swb_integrator_get_state(i, x, 2));
+    CHECK_OK(swb_integrator_get_derivative(i, f, 2));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_NEAR(x[0], exp(-1.0), 1e-9);
+    CHECK_NEAR(x[1], x[0], 1e-12);
+    CHECK_NEAR(f[1], -x[1], 1e-9);
+    /* dx/dx0 = e^-1, dx/du = 1 - e^-1, and z moves by p as (x + x^3) / (1 + 3 z^2) */
+    CHECK_OK(swb_integrator_adjoint(i, v, 2, NULL, 0, NULL, 0, NULL, 0, NULL, 0, g, 2, &gp, 1, &gu, 1));
+    CHECK_NEAR(g[0], exp(-1.0), 1e-6);
+    CHECK(g[1] == 0.0);
+    CHECK_NEAR(gu, 1.0 - exp(-1.0), 1e-6);
+    CHECK_OK(swb_integrator_get_run(i, &run));
+    CHECK_OK(swb_run_sensitivity(run, s, 8));
+    CHECK_NEAR(s[1], g[0], 1e-9);
+    CHECK_NEAR(s[5], gp, 1e-9);
+    CHECK_NEAR(s[7], gu, 1e-9);
+    CHECK(s[2] == 0.0 && s[3] == 0.0);
+    swb_run_free(run);
+    CHECK_OK(swb_integrator_set_controls(i, &one, 1));
+    CHECK_OK(swb_integrator_advance(i, 3.0, &outcome));
+    CHECK_OK(swb_integrator_get_state(i, x, 2));
+    CHECK_NEAR(x[1], 1.0 + (exp(-1.0) - 1.0) * exp(-2.0), 1e-9);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_advance(i, 1.0, &outcome));
+    swb_integrator_free(i);
+
+    CHECK_OK(swb_batch_create(system, NULL, &batch));
+    CHECK_OK(swb_batch_run(batch, 0.0, 1.0, two, 4, NULL, 0, NULL, 0, 2));
+    CHECK_OK(swb_batch_states(batch, y, 4));
+    CHECK_NEAR(y[1], exp(-1.0), 1e-6);
+    CHECK_NEAR(y[3], -exp(-1.0), 1e-6);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_batch_run(batch, 0.0, 1.0, two, 3, NULL, 0, NULL, 0, 2));
+    swb_batch_free(batch);
+    swb_system_free(system);
+
+    /* no index 1: said where the integrator is made */
+    {
+        swb_function *f0 = make_function("f0", 2, 0, 0, 2, untied, NULL);
+        static const int64_t columns[] = {0, 1, 2, 2}, rows[] = {1, 0};
+        swb_integrator *none = NULL;
+        CHECK_OK(swb_function_set_jacobian(f0, columns, 4, rows, 2, ones));
+        CHECK_OK(swb_system_create(2, 0, 0, &system));
+        CHECK_OK(swb_system_set_f0(system, f0));
+        CHECK_OK(swb_system_set_algebraic(system, 1, NULL));
+        CHECK_STATUS(SWB_ERR_STATE, swb_integrator_create(system, NULL, &none));
+        CHECK(none == NULL && strstr(swb_last_error(), "index 1") != NULL);
+        swb_function_free(f0);
+        swb_system_free(system);
+    }
+    /* without a pattern: where it begins */
+    i = make_tied(untied, NULL, &system);
+    CHECK_OK(swb_integrator_reinit(i, 0.0, x0, 2));
+    CHECK_STATUS(SWB_ERR_NUMERIC, swb_integrator_advance(i, 1.0, &outcome));
+    CHECK(strstr(swb_last_error(), "singular") != NULL);
+    swb_integrator_free(i);
+    swb_system_free(system);
+    i = make_tied(unsolvable, NULL, &system);
+    CHECK_OK(swb_integrator_reinit(i, 0.0, x0, 2));
+    CHECK_STATUS(SWB_ERR_NUMERIC, swb_integrator_advance(i, 1.0, &outcome));
+    CHECK(strstr(swb_last_error(), "no consistent start") != NULL);
+    /* and from a point that has one it ends where that ceases to exist: x = -(2 - t)^2 / 4 */
+    x[0] = -1.0;
+    x[1] = 1.0;
+    CHECK_OK(swb_integrator_reinit(i, 0.0, x, 2));
+    CHECK_OK(swb_integrator_advance(i, 5.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_STEP_TOO_SMALL || outcome == SWB_RUN_OUTCOME_NO_CONTINUATION);
+    CHECK_OK(swb_integrator_get_reason(i, reason, sizeof reason, NULL));
+    CHECK(strstr(reason, "algebraic equations") != NULL);
+    swb_integrator_free(i);
+    swb_system_free(system);
+    /* a negative code ends the call */
+    i = make_tied(tied_and_failing, &code, &system);
+    CHECK_OK(swb_integrator_reinit(i, 0.0, two, 2));
+    CHECK_STATUS(SWB_ERR_USER, swb_integrator_advance(i, 3.0, &outcome));
+    swb_integrator_free(i);
+    CHECK_OK(swb_batch_create(system, NULL, &batch));
+    CHECK_OK(swb_batch_run(batch, 0.0, 3.0, two, 4, NULL, 0, NULL, 0, 1));
+    CHECK_OK(swb_batch_outcomes(batch, outcomes, 2));
+    CHECK(outcomes[0] == SWB_ERR_USER && outcomes[1] == SWB_ERR_USER);
+    swb_batch_free(batch);
+    swb_system_free(system);
+}
+
 struct shared {
     swb_integrator *integrator;
     int busy;
@@ -928,6 +1084,7 @@ int main(void)
     choices();
     surfaces();
     batches();
+    algebraic();
     two_threads();
     return CHECK_DONE();
 }

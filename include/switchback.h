@@ -4841,8 +4841,11 @@ swb_status swb_system_add_inclusion(struct swb_system *system,
 /**
  * Make the last n_z states algebraic: what f0 and modes add to their rows, and the outputs of g, adds up to zero
  * instead of being a derivative. Functions see them among the states. Their initial values are guesses where the
- * smooth equations determine them. Only the discretisation by finite elements takes such systems; the event-driven
- * simulation refuses them.
+ * smooth equations determine them. Event-driven simulation takes equations of index 1: the matrix of their derivatives by
+ * the algebraic states is regular. They are solved where a run begins, behind every event and at every point of a result;
+ * a run that comes to a singular matrix ends there, and says so. Modes may switch inside of the equations as those of
+ * diodes and limiters do, where the algebraic states do not jump at a switch. States that transitions alone change, and
+ * that stand behind all others as those of a model do, are not counted: add transitions before.
  *
  * @param[in] n_z fewer than nx; 0: none
  * @param[in] g   n_z outputs; may be NULL if f0 and modes hold the equations

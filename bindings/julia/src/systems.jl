@@ -134,7 +134,8 @@ end
     set_algebraic!(system, n, g = nothing)
 
 Make the last `n` states algebraic: what f0 and modes add to their rows, and `g`, adds up to zero. Their initial values are
-guesses where the smooth equations determine them.
+guesses where the smooth equations determine them. `simulate` takes equations of index 1: they are solved where a run begins, behind
+every event, and at every point of a result.
 """
 function set_algebraic!(s::System, n, g = nothing)
     count_ = integer(n, "n")

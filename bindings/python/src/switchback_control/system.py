@@ -176,7 +176,10 @@ class System(Handle):
     def set_algebraic(self, n_z: int, g: Any = None) -> None:
         """Make the last `n_z` states algebraic: what f0 and modes add to their rows, and g, adds up to zero.
 
-        Their initial values are guesses where the smooth equations determine them."""
+        Their initial values are guesses where the smooth equations determine them. `simulate` takes equations of index 1: they are
+        solved where a run begins, behind every event, and at every point of a result. Modes may switch inside of them where the algebraic states do
+        not jump, as diodes and limiters do. States that transitions alone change, and that stand behind all others as those of a `Model` do, are
+        not counted."""
         count = index(n_z, "n_z")
         f = None if g is None else self._function(g, count, "g")
         self._do("set_algebraic", count, f)
