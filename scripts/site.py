@@ -62,6 +62,7 @@ NAVIGATION = """
           - Controllers on microcontrollers: howto/microcontroller.md
           - Moving horizon estimation: howto/moving_horizon.md
           - Terminal events: howto/events.md
+          - Circuits with algebraic equations: howto/algebraic.md
           - Data as inputs: howto/data.md
           - Estimation of parameters: howto/estimation.md
           - A leg that hops: howto/leg.md
