@@ -502,6 +502,29 @@ fn bridge() {
     near(dae.x[0], ode.x[0], 2e-3, "voltage, up to the leaks");
 }
 
+/// A ladder of diodes at rest: all algebraic states are exactly zero, and the guess is far away.
+#[test]
+fn solutions_that_are_zero() {
+    let n = 50;
+    let g = Graph::new();
+    let v = |k: usize| g.x(k);
+    let w = |k: usize| g.x(n + k);
+    let mut rhs: Vec<Expr> = (0..n).map(|k| (w(k) - v(k)).max(0.0) - 0.1 * v(k)).collect();
+    for k in 0..n {
+        let left = if k == 0 { g.t().sin() } else { w(k - 1) };
+        let right = if k + 1 == n { 0.0 * w(k) } else { w(k + 1) };
+        rhs.push(left + right - 2.0 * w(k) - (w(k) - v(k)).max(0.0) - 0.01 * w(k));
+    }
+    let b = model(&g, (0, 0, n), &rhs, vec![]);
+    for guess in [-1.0, 0.01, 0.0, 7.0] {
+        let r = run(&b, &tol(1e-9), &[[0.01; 50], [guess; 50]].concat(), &[], 1.0);
+        assert_eq!(r.outcome, Outcome::Reached, "{guess}: {}", r.reason);
+        let mut x = [0.0; 100];
+        r.path.unwrap().eval(0.0, 0, &mut x).unwrap();
+        assert!(x[n..].iter().all(|z| z.abs() < 1e-15), "{x:?}");
+    }
+}
+
 /// `z + sign z = x` has no solution under a sign for `|x| < 1`; the run ends where it comes there.
 #[test]
 fn relays_inside_of_their_own_equation() {

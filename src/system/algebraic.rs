@@ -12,8 +12,10 @@
 //! Where a subsystem switches inside of `h`, as diodes and saturations do, `z` is found under one mode of it. The mode is a discrete
 //! state behind the states of the system, and a transition makes the next one where a switching function, which sees the `z` of the
 //! present mode, passes zero. Behind it the functions are looked at again with the `z` of the new mode, one subsystem after the other:
-//! for linear complementarity problems with P-matrices that is the method of least index (K. Murty, *Linear Complementarity, Linear
-//! and Nonlinear Programming*, 1988, section 3.2).
+//! for linear complementarity problems with P-matrices that is the method of least index (K. Murty, *Note on a Bard-type
+//! scheme for solving the complementarity problem*, Opsearch 11, 1974). Where a run begins, and behind a jump of the controls, all modes
+//! that are outside of their regions change at once, as long as they become fewer (M. Kostreva, *Block pivot methods for solving the
+//! complementarity problem*, Linear Algebra and its Applications 21, 1978).
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
@@ -26,6 +28,8 @@ use crate::linalg::lu::Lu;
 
 /// Rounding.
 const EPS: f64 = f64::EPSILON;
+/// Numbers up to this have no full precision.
+const TINY: f64 = f64::MIN_POSITIVE / EPS;
 /// Residuals below so many roundings of their terms are zero.
 const ZERO: f64 = 8.0;
 /// Residuals that no correction makes smaller are rounding up to so many of them.
@@ -36,6 +40,8 @@ const NOISE: f64 = 1e3 * EPS;
 const FAST: f64 = 0.25;
 /// Shortest part that is taken of a correction, and of an algebraic state.
 const SHORTEST: f64 = 1e-5;
+/// How often all modes are changed at once although they do not become fewer.
+const PATIENCE: usize = 8;
 /// Modes that are tried at most.
 const MOST_MODES: usize = 4096;
 
@@ -368,16 +374,22 @@ impl Algebraic {
         guess: Guess,
     ) -> std::result::Result<bool, EvalError> {
         let start = x.to_vec();
+        // all that are outside at once, as long as they become fewer; then one after the other
+        let (mut fewest, mut patience) = (usize::MAX, PATIENCE);
         for _ in 0..MOST_MODES.min(1 + self.loops.iter().map(|l| 8 * l.n_modes).sum::<usize>()) {
             match self.solve(t, x, u, p, guess) {
                 Ok(()) => {}
                 Err(EvalError::Recoverable) => break,
                 Err(e) => return Err(e),
             }
-            match self.first_outside(t, x, u, p)? {
-                None => return Ok(true),
-                Some((k, mode)) => x[self.dims.x + k] = mode as f64,
+            let outside = self.outside(t, x, u, p)?;
+            if outside.is_empty() {
+                return Ok(true);
             }
+            patience = if outside.len() < fewest { PATIENCE } else { patience.saturating_sub(1) };
+            fewest = fewest.min(outside.len());
+            let n = if patience > 0 { outside.len() } else { 1 };
+            outside[..n].iter().for_each(|(k, mode)| x[self.dims.x + k] = *mode as f64);
         }
         let all = self.loops.iter().try_fold(1usize, |n, l| n.checked_mul(l.n_modes)).filter(|n| *n <= MOST_MODES);
         for k in 0..all.filter(|n| *n > 1).unwrap_or(0) {
@@ -386,10 +398,10 @@ impl Algebraic {
             for (l, to) in self.loops.iter().zip(&mut x[self.dims.x..]) {
                 (*to, rest) = ((rest % l.n_modes) as f64, rest / l.n_modes);
             }
-            let inside = self.solve(t, x, u, p, guess).and_then(|()| self.first_outside(t, x, u, p));
+            let inside = self.solve(t, x, u, p, guess).and_then(|()| self.outside(t, x, u, p));
             match inside {
-                Ok(None) => return Ok(true),
-                Ok(Some(_)) | Err(EvalError::Recoverable) => {}
+                Ok(outside) if outside.is_empty() => return Ok(true),
+                Ok(_) | Err(EvalError::Recoverable) => {}
                 Err(e) => return Err(e),
             }
         }
@@ -400,15 +412,10 @@ impl Algebraic {
         Ok(false)
     }
 
-    /// The first subsystem whose mode has its region elsewhere, and the mode that has it here.
-    fn first_outside(
-        &self,
-        t: f64,
-        x: &[f64],
-        u: &[f64],
-        p: &[f64],
-    ) -> std::result::Result<Option<(usize, usize)>, EvalError> {
+    /// The subsystems whose modes have their regions elsewhere, and the modes that have theirs here.
+    fn outside(&self, t: f64, x: &[f64], u: &[f64], p: &[f64]) -> std::result::Result<Vec<(usize, usize)>, EvalError> {
         let at = Point { t, x: &x[..self.dims.x], u, p };
+        let mut found = Vec::new();
         for (k, l) in self.loops.iter().enumerate() {
             let f = l.functions();
             let (mut v, mut work) = (vec![0.0; f.n_out()], vec![0.0; f.work_len()]);
@@ -425,9 +432,9 @@ impl Algebraic {
                 continue;
             }
             let there = (0..l.n_modes).find(|m| l.is_inside(*m, &v, &rounding));
-            return there.map(|m| Some((k, m))).ok_or(EvalError::Recoverable);
+            found.push((k, there.ok_or(EvalError::Recoverable)?));
         }
-        Ok(None)
+        Ok(found)
     }
 
     /// The subsystems that switch inside of the equations, by their places in the system.
@@ -460,14 +467,14 @@ impl Algebraic {
 
     /// Brings the solver to a point.
     pub(super) fn settle(&self, s: &mut Solver, at: &Point) -> EvalResult {
-        let inputs = || at.x.iter().chain(at.u).chain(at.p);
-        let same =
-            s.t.to_bits() == at.t.to_bits() && s.key.iter().zip(inputs()).all(|(a, b)| a.to_bits() == b.to_bits());
+        let (of_x, rest) = s.key.split_at(at.x.len());
+        let (of_u, of_p) = rest.split_at(at.u.len());
+        let same = s.t.to_bits() == at.t.to_bits() && same(of_x, at.x) && same(of_u, at.u) && same(of_p, at.p);
         if let Some(known) = s.known.filter(|_| same) {
             return known;
         }
         s.t = at.t;
-        s.key.iter_mut().zip(inputs()).for_each(|(k, v)| *k = *v);
+        s.key.iter_mut().zip(at.x.iter().chain(at.u).chain(at.p)).for_each(|(k, v)| *k = *v);
         let (states, modes) = at.x.split_at(self.dims.x);
         s.full.copy_from_slice(states);
         let mut same = self.affine;
@@ -576,7 +583,8 @@ impl Algebraic {
             let largest = b.unknowns.iter().map(|i| x[self.z.start + i].abs() * s.units[*i]).fold(0.0, f64::max);
             b.by_unknowns.iter().for_each(|(e, r, c)| s.sizes[b.rows[*r]] += s.jac[*e].abs() * largest / unit(*c));
         }
-        let of = |(h, size): (&f64, &f64)| if *h == 0.0 { 0.0 } else { h.abs() / (EPS * size) };
+        // what may be an underflow is zero
+        let of = |(h, size): (&f64, &f64)| if h.abs() <= TINY { 0.0 } else { h.abs() / (EPS * size) };
         s.h.iter().zip(&s.sizes).map(of).fold(0.0, f64::max)
     }
 
@@ -603,7 +611,6 @@ impl Algebraic {
                 s.weights[*i] = 1.0 / s.weights[*i].max(floor);
             }
         }
-        let norm = |v: &[f64], w: &[f64]| v.iter().zip(w).map(|(v, w)| (v * w).powi(2)).sum::<f64>().sqrt();
         let mut part = 1.0f64;
         for _ in 0..s.guess.most() {
             if noise <= ZERO {
@@ -612,7 +619,12 @@ impl Algebraic {
                 s.jac_known = self.affine;
                 return Ok(());
             }
-            let long = norm(&s.step, &s.weights);
+            let weighted = |v: &[f64]| norm(v.iter().zip(&s.weights).map(|(v, w)| v * w));
+            let long = weighted(&s.step);
+            if long == 0.0 {
+                s.jac_known = self.affine;
+                return Ok(());
+            }
             if !long.is_finite() {
                 return Err(Failure::Singular.into());
             }
@@ -623,7 +635,7 @@ impl Algebraic {
                 match self.residuals(s, at, true) {
                     Ok(()) => {
                         self.correct(s);
-                        let fall = norm(&s.next, &s.weights) / long;
+                        let fall = norm(s.next.iter().zip(&s.weights).map(|(v, w)| v * w)) / long;
                         if fall <= 1.0 - part / 4.0 {
                             break Some(fall);
                         }
@@ -631,7 +643,7 @@ impl Algebraic {
                             break None;
                         }
                         let apart = s.next.iter().zip(&s.step).zip(&s.weights);
-                        let apart = apart.map(|((n, d), w)| ((n - (1.0 - part) * d) * w).powi(2)).sum::<f64>().sqrt();
+                        let apart = norm(apart.map(|((n, d), w)| (n - (1.0 - part) * d) * w));
                         let likely = 0.5 * long * part * part / apart;
                         // far out the estimate says little
                         shorter = shorter.min(likely.max(0.1 * part));
@@ -682,8 +694,9 @@ impl Algebraic {
             s.step.copy_from_slice(&s.next);
             self.correct(s);
             let apart = s.step.iter().zip(&s.next).zip(&s.weights);
-            let apart = apart.map(|((a, b), w)| ((a - b) * w).powi(2)).sum::<f64>().sqrt();
-            let likely = part * long * norm(&s.step, &s.weights) / (apart * norm(&s.next, &s.weights));
+            let apart = norm(apart.map(|((a, b), w)| (a - b) * w));
+            let weighted = |v: &[f64]| norm(v.iter().zip(&s.weights).map(|(v, w)| v * w));
+            let likely = part * (long / apart) * (weighted(&s.step) / weighted(&s.next));
             part = if likely < 1.0 { likely.max(f64::MIN_POSITIVE) } else { 1.0 };
             s.step.copy_from_slice(&s.next);
         }
@@ -810,6 +823,23 @@ fn blocks(jac: &Pattern, nd: usize, nz: usize) -> Result<(Vec<Block>, Vec<usize>
         }
     }
     Ok((out, block_of))
+}
+
+/// Are these the same numbers, to the last bit?
+fn same(a: &[f64], b: &[f64]) -> bool {
+    /// So many are compared at once.
+    const MANY: usize = 16;
+    let mut parts = a.chunks(MANY).zip(b.chunks(MANY));
+    parts.all(|(a, b)| a.iter().zip(b).fold(true, |s, (a, b)| s & (a.to_bits() == b.to_bits())))
+}
+
+/// Euclidean norm of `v` times weights, for numbers of any size.
+fn norm(v: impl Iterator<Item = f64> + Clone) -> f64 {
+    let largest = v.clone().fold(0.0, |m: f64, v| if (m + v).is_nan() { f64::NAN } else { m.max(v.abs()) });
+    if largest == 0.0 || !largest.is_finite() {
+        return largest;
+    }
+    largest * v.map(|v| (v / largest).powi(2)).sum::<f64>().sqrt()
 }
 
 /// The mode that a discrete state stands for.

@@ -194,13 +194,10 @@ impl Function for Eliminated {
     }
     fn value_rows(&self, at: &Point, rows: Range<usize>, out: &mut [f64], work: &mut [f64]) -> EvalResult {
         let a = &*self.algebraic;
-        let (x, work) = work.split_at_mut(a.dims.x);
         let mut s = a.lock();
         a.settle(&mut s, at)?;
-        x.copy_from_slice(&s.full);
-        drop(s);
         let inner = self.inner(&rows, at.x);
-        let there = Point { x, ..*at };
+        let there = Point { x: &s.full, ..*at };
         match self.switched {
             None => self.f.value_rows(&there, inner, &mut out[..self.f.n_out()], work)?,
             Some((_, n)) => {
@@ -218,14 +215,12 @@ impl Function for Eliminated {
     }
     fn jacobian_rows(&self, at: &Point, rows: Range<usize>, out: &mut [f64], work: &mut [f64]) -> EvalResult {
         let a = &*self.algebraic;
-        let (x, work) = work.split_at_mut(a.dims.x);
         let (entries, work) = work.split_at_mut(self.f.jac_pattern().nnz());
         let mut s = a.lock();
         a.settle(&mut s, at)?;
-        x.copy_from_slice(&s.full);
         a.differentiate(&mut s, at)?;
         let inner = self.inner(&rows, at.x);
-        self.f.jacobian_rows(&Point { x, ..*at }, inner.clone(), entries, work)?;
+        self.f.jacobian_rows(&Point { x: &s.full, ..*at }, inner.clone(), entries, work)?;
         let all = inner.len() == self.f.n_out();
         let pattern = self.f.jac_pattern();
         let of_rows = |e: usize| all || inner.contains(&pattern.row_idx()[e]);

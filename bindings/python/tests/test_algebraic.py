@@ -1,5 +1,7 @@
 """Algebraic equations of index 1: twenty hybrid systems next to SciPy and Newton's method, with the logic written by hand."""
 
+import itertools
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -330,7 +332,7 @@ def doubler():
         "both": [(lambda o, x, z, t: -z[0], "second", None), (lambda o, x, z, t: -z[1], "first", None)],
     }
     modes = {"none": f(0, 0), "first": f(1, 0), "second": f(0, 1), "both": f(1, 1)}
-    return Problem(s, Hand(2, 2, modes, exits), [0.0, 0.5], [0.0, 0.0], 6.0, "none")
+    return Problem(s, Hand(2, 2, modes, exits), [-0.1, 0.5], [0.0, 0.0], 6.0, "none")
 
 
 def limiter():
@@ -620,3 +622,72 @@ def test_next_to_logic_by_hand(name):
     n = q.hand.nx + q.hand.nz
     exact = np.concatenate([x, z])
     assert np.allclose(run.x_end[:n], exact, rtol=100 * RTOL, atol=100 * RTOL * max(1, np.abs(exact).max()))
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_derivatives_three_ways(name):
+    """Forward, adjoint and differences, by the initial state, a little before the end, where nothing happens."""
+    q = ALL[name]()
+    n, nz, end = q.hand.nx, q.hand.nz, 0.9871 * q.end
+    start = np.array([*q.x0, *q.z0], float)
+    # sources have pulses that are short next to the steps of a capacitor at rest
+    how = {"rtol": 1e-12, "atol": 1e-13, "h_max": q.end / 100}
+    with swb.Integrator(q.model, adjoint=True, sensitivity=True, **how) as i:
+        i.reinit(i.system._start(start, "x0"))
+        i.advance(end)
+        forward = np.array(i.run.dx_dx0)[: n + nz]
+        adjoint = np.array([i.adjoint(np.eye(i.nx)[k]).x0 for k in range(n + nz)])
+    assert np.allclose(forward, adjoint, rtol=1e-10, atol=1e-12) and not forward[:, n : n + nz].any()
+    for c in range(n):
+        h, moved = 1e-4 * max(1, abs(start[c])), np.zeros(n + nz)
+        moved[c] = h
+        a, b, d, e = (swb.simulate(q.model, start + k * moved, end, **how).x_end[: n + nz] for k in (-2, -1, 1, 2))
+        assert np.allclose(forward[:, c], (a - 8 * b + 8 * d - e) / (12 * h), rtol=2e-7, atol=3e-8 * max(1, np.abs(forward).max()))
+
+
+def complementary(d, q):
+    """The solution of 0 ≤ l ⊥ d l + q ≥ 0, by trial of all cases."""
+    small = 1e-9 * (1 + np.abs(q).max())
+    for on in itertools.product([False, True], repeat=len(q)):
+        on, l = np.array(on), np.zeros(len(q))
+        if on.any():
+            l[on] = np.linalg.solve(d[np.ix_(on, on)], -q[on])
+        if l.min() >= -small and (d @ l + q).min() >= -small:
+            return l
+    raise AssertionError("no case fits")
+
+
+@pytest.mark.parametrize("seed", range(9))
+def test_linear_complementarity_systems(seed):
+    """x' = A x + B l + E u, 0 ≤ l ⊥ C x + D l + F u ≥ 0: D symmetric, or not, or almost of lower rank. SciPy sees the kinks as they come."""
+    r = np.random.default_rng(seed)
+    n, k = int(r.integers(1, 4)), int(r.integers(2, 6))
+    m = r.normal(size=(k, k))
+    low = r.normal(size=(k, k - 1))
+    d = [m @ m.T + 0.3 * np.eye(k), 0.3 * np.eye(k) + m - m.T, low @ low.T + 0.05 * np.eye(k)][seed % 3]
+    a, b, c = r.normal(size=(n, n)) - 3 * np.eye(n), 0.5 * r.normal(size=(n, k)), r.normal(size=(k, n))
+    e, f, x0 = r.normal(size=n), r.normal(size=k), r.normal(size=n)
+
+    model = swb.Model(states=[f"x{i}" for i in range(n)] + [f"l{i}" for i in range(k)])
+    x, l, u = list(model.x[:n]), list(model.x[n:]), swb.sin(6 * model.t)
+
+    def product(row, values):
+        return sum(float(p) * v for p, v in zip(row, values))
+
+    w = [product(c[i], x) + product(d[i], l) + float(f[i]) * u for i in range(k)]
+    rates = [product(a[i], x) + product(b[i], l) + float(e[i]) * u for i in range(n)]
+    model.derivatives = rates + [swb.minimum(l[i], w[i]) for i in range(k)]
+    system = model.system()
+    system.set_algebraic(k)
+    run = swb.simulate(system, [*x0, *np.zeros(k)], 3.0, rtol=1e-8, atol=1e-10)
+    assert run.success, run.reason
+
+    def multipliers(t, x):
+        return complementary(d, c @ x + f * np.sin(6 * t))
+
+    exact = scipy.integrate.solve_ivp(
+        lambda t, x: a @ x + b @ multipliers(t, x) + e * np.sin(6 * t), (0, 3), x0, method="DOP853", rtol=1e-9, atol=1e-11, max_step=0.03
+    ).y[:, -1]
+    size = max(1, np.abs(run.y[:n]).max())
+    assert np.allclose(run.x_end[:n], exact, rtol=0, atol=1e-6 * size)
+    assert np.allclose(run.x_end[n:], multipliers(3.0, exact), rtol=0, atol=1e-5 * size)
