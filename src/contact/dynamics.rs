@@ -113,7 +113,7 @@ pub(crate) struct Dynamics {
     first_pivot: f64,
     pub(super) mass: Mass,
     pub(super) blocks: Vec<Block>,
-    /// `N v`, `f_v`.
+    /// `N v`, `f_v`, and the rates of the states beside coordinates and velocities.
     pub(super) smooth: Vec<f64>,
     /// Accelerations without contact forces, and with them.
     pub(super) free: Vec<f64>,
@@ -194,7 +194,7 @@ impl Dynamics {
             first_pivot: 0.0,
             mass,
             blocks: m.contacts.iter().map(block).collect(),
-            smooth: vec![0.0; m.n_q + n_v],
+            smooth: vec![0.0; m.n_states()],
             free: vec![0.0; n_v],
             acceleration: vec![0.0; n_v],
             forces: vec![[0.0; 3]; m.contacts.len()],
@@ -288,7 +288,7 @@ impl Dynamics {
             self.refused = at.t;
             return Err(e);
         }
-        self.free.copy_from_slice(&self.smooth[m.n_q..]);
+        self.free.copy_from_slice(&self.smooth[m.velocities()]);
         self.mass.solve(&mut self.free);
         Ok(())
     }
@@ -637,8 +637,10 @@ impl Dynamics {
     /// Derivative of the state at the point of the last accelerations.
     pub(crate) fn write(&self, out: &mut [f64]) {
         let n_q = self.mechanics.n_q;
+        let velocities = self.mechanics.velocities();
         out[..n_q].copy_from_slice(&self.smooth[..n_q]);
-        out[n_q..].copy_from_slice(&self.acceleration);
+        out[velocities.end..].copy_from_slice(&self.smooth[velocities.end..]);
+        out[velocities].copy_from_slice(&self.acceleration);
     }
 
     /// Contacts that were closed in the last accelerations, and joints that stuck.
@@ -704,10 +706,10 @@ impl Dynamics {
             let rates =
                 |d: &Dynamics, at: &Point, out: &mut [f64], work: &mut [f64]| d.mechanics.smooth.value(at, out, work);
             let (mut work, mut with, mut without) =
-                (std::mem::take(&mut self.work), vec![0.0; n_q + n_v], vec![0.0; n_q + n_v]);
-            there[n_q..].copy_from_slice(&shift[n_q..]);
+                (std::mem::take(&mut self.work), vec![0.0; x.len()], vec![0.0; x.len()]);
+            there[n_q..n_q + n_v].copy_from_slice(&shift[n_q..]);
             let first = rates(self, &Point { x: &there, ..*at }, &mut with, &mut work);
-            there[n_q..].fill(0.0);
+            there[n_q..n_q + n_v].fill(0.0);
             let second = rates(self, &Point { x: &there, ..*at }, &mut without, &mut work);
             self.work = work;
             first.and(second)?;

@@ -174,7 +174,7 @@ impl Dynamics {
         let (n_q, n_v, columns) = (m.n_q, m.n_v, self.columns(at));
         let n_z = columns.n();
         out.fill(0.0);
-        (0..n_q + n_v).for_each(|i| out[i * n_z + i] = 1.0);
+        (0..at.x.len()).for_each(|i| out[i * n_z + i] = 1.0);
         let behind = Point { x: after, ..*at };
         let mut modes = vec![vec![mode::OPEN]; m.contacts.len()];
         let mut impulses = vec![[0.0; 3]; m.contacts.len()];
@@ -198,7 +198,8 @@ impl Dynamics {
         if rows.is_empty() {
             return Ok(());
         }
-        let delta: Vec<f64> = after[n_q..].iter().zip(&at.x[n_q..]).map(|(a, b)| a - b).collect();
+        let velocities = m.velocities();
+        let delta: Vec<f64> = after[velocities.clone()].iter().zip(&at.x[velocities]).map(|(a, b)| a - b).collect();
         let mut r = vec![0.0; (n_v + rows.len()) * n_z];
         let given = Given { a: &delta, forces: &impulses, modes: &modes };
         self.add_reactions(&behind, &given, &mut r[..n_v * n_z])?;

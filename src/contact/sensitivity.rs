@@ -252,8 +252,8 @@ impl Dynamics {
         self.accelerate(at, modes)?;
         let n_q = self.mechanics.n_q;
         let mut flow = vec![0.0; at.x.len() + at.p.len() + at.u.len() + 1];
-        flow[..n_q].copy_from_slice(&self.smooth[..n_q]);
-        flow[n_q..at.x.len()].copy_from_slice(&self.acceleration);
+        flow[..at.x.len()].copy_from_slice(&self.smooth);
+        flow[n_q..n_q + self.acceleration.len()].copy_from_slice(&self.acceleration);
         if let Some(t) = flow.last_mut() {
             *t = 1.0;
         }
@@ -283,7 +283,8 @@ impl Dynamics {
         let n_z = columns.n();
         out.fill(0.0);
         let room = (&mut self.buffer[..], &mut self.work[..]);
-        let sign = |i: usize| Some((i, if i < n_q { 1.0 } else { -1.0 }));
+        // the rows of velocities are those of equations that are solved below
+        let sign = |i: usize| Some((i, if (n_q..n_q + n_v).contains(&i) { -1.0 } else { 1.0 }));
         add_jacobian(m.smooth.as_ref(), at, &columns, &sign, out, room)?;
         let mut l = std::mem::take(&mut self.linearised);
         l.a.clone_from(&self.acceleration);

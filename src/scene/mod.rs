@@ -166,6 +166,8 @@ pub struct Scene {
     rates: Option<Vec<Id>>,
     inertia: Option<Vec<Id>>,
     force: Vec<Option<Id>>,
+    /// Rates of the states beside coordinates and velocities.
+    states: Vec<Option<Id>>,
     contacts: Vec<Part>,
     /// Contacts by their gaps and by their names.
     by_gap: BTreeMap<Id, usize>,
@@ -206,6 +208,7 @@ impl Scene {
             rates: None,
             inertia: None,
             force: vec![None; n_v],
+            states: Vec::new(),
             contacts: Vec::new(),
             by_gap: BTreeMap::new(),
             by_name: BTreeMap::new(),
@@ -213,6 +216,13 @@ impl Scene {
             bounds: vec![None; n_q],
             order: Order::Second,
         })
+    }
+
+    /// A scene that has `n_z` states `z` beside coordinates and velocities, `ż = h(q, v, z, u, p, t)`: currents of motors, controllers,
+    /// temperatures. In the graph they stand behind the velocities. Forces and the bounds of friction at joints may depend on them.
+    pub fn with_states(name: &str, n_q: usize, n_v: usize, n_z: usize, nu: usize, np: usize) -> Result<Scene> {
+        sizes::check("states beside coordinates and velocities", &[n_z])?;
+        Ok(Scene { states: vec![None; n_z], ..Scene::new(name, n_q, n_v, nu, np)? })
     }
 
     /// A projected system or first-order sweeping process: `ẋ = f + Σ ∇c_i λ_i`, `0 ≤ λ_i ⊥ c_i(x, t) ≥ 0` (sections 4.3.6,
@@ -227,7 +237,7 @@ impl Scene {
 
     /// Sizes of state, controls and parameters.
     pub fn dims(&self) -> Dims {
-        Dims { x: self.n_q + self.n_v, u: self.nu, p: self.np }
+        Dims { x: self.n_q + self.n_v + self.states.len(), u: self.nu, p: self.np }
     }
 
     /// Coordinates and velocities.
@@ -235,7 +245,12 @@ impl Scene {
         (self.n_q, self.n_v)
     }
 
-    /// Names for reports and messages; those of the states are coordinates, then velocities.
+    /// States beside coordinates and velocities.
+    pub fn n_states(&self) -> usize {
+        self.states.len()
+    }
+
+    /// Names for reports and messages; those of the states are coordinates, velocities, and what is beside them.
     pub fn set_names(&mut self, names: Names) {
         self.names = names;
     }
@@ -259,6 +274,16 @@ impl Scene {
         let n = self.n_v;
         let place = self.force.get_mut(i);
         *place.ok_or_else(|| Error::Range(format!("velocity {i} does not exist: the scene has {n}")))? = Some(force);
+        Ok(())
+    }
+
+    /// Sets the rate `h_i` of state `i` beside coordinates and velocities: a smooth expression of states, controls, parameters and time.
+    pub fn set_state_rate(&mut self, i: usize, rate: Id) -> Result<()> {
+        let n = self.states.len();
+        let place = self.states.get_mut(i);
+        *place.ok_or_else(|| {
+            Error::Range(format!("state {i} beside coordinates and velocities does not exist: the scene has {n}"))
+        })? = Some(rate);
         Ok(())
     }
 
@@ -415,6 +440,7 @@ impl Builder<'_> {
         }
         let mut smooth = rates.clone();
         smooth.extend_from_slice(&force);
+        smooth.extend(self.state_rates()?);
         let smooth = self.function("smooth", dims, &smooth)?;
         let inertia = self.inertia()?;
         let projection = self.projection(&force)?;
@@ -423,6 +449,7 @@ impl Builder<'_> {
             order: s.order,
             n_q: s.n_q,
             n_v: s.n_v,
+            n_z: s.states.len(),
             smooth,
             inertia,
             contacts,
@@ -472,9 +499,36 @@ impl Builder<'_> {
         for (i, &r) in rates.iter().enumerate() {
             let what = format!("the rate of {}", s.names.of(Block::X, i));
             self.check_smooth(&what, r)?;
+            self.check_beside(&what, r)?;
             self.check_linear(&what, r)?;
         }
         Ok(rates.clone())
+    }
+
+    /// The rates of the states beside coordinates and velocities.
+    fn state_rates(&self) -> Result<Vec<Id>> {
+        let s = self.scene;
+        let mut out = Vec::with_capacity(s.states.len());
+        for (i, h) in s.states.iter().enumerate() {
+            let name = s.names.of(Block::X, s.n_q + s.n_v + i);
+            let h = h.ok_or_else(|| Error::State(format!("{}: there is no rate of {name}; set it", s.name)))?;
+            self.check_smooth(&format!("the rate of {name}"), h)?;
+            out.push(h);
+        }
+        Ok(out)
+    }
+
+    /// Refuses what depends on states beside coordinates and velocities: only forces, bounds of friction and rates of such states do.
+    fn check_beside(&self, what: &str, id: Id) -> Result<()> {
+        let s = self.scene;
+        if s.order == Order::Second && self.depends(id, Block::X, s.n_q + s.n_v) {
+            return Err(Error::Range(format!(
+                "{what}, {}, depends on states beside coordinates and velocities: only forces, bounds of friction at joints \
+                 and the rates of such states may",
+                self.text(id)
+            )));
+        }
+        Ok(())
     }
 
     /// Where expressions of the graph of the scene are differentiated.
@@ -584,6 +638,7 @@ impl Builder<'_> {
             Part::Constraint(c) => {
                 let what = format!("constraint {}", c.name);
                 self.check_smooth(&what, c.zero)?;
+                self.check_beside(&what, c.zero)?;
                 if self.depends(c.zero, Block::U, 0) {
                     return Err(Error::Range(format!(
                         "{what}, {}, depends on controls: it may depend on coordinates, velocities, parameters and time",
@@ -599,7 +654,9 @@ impl Builder<'_> {
     /// Checks the expressions of dry friction.
     fn check_friction(&self, f: &Friction) -> Result<()> {
         let name = &f.name;
-        self.check_smooth(&format!("what slides at joint {name}"), f.sliding)?;
+        let what = format!("what slides at joint {name}");
+        self.check_smooth(&what, f.sliding)?;
+        self.check_beside(&what, f.sliding)?;
         if self.depends(f.sliding, Block::U, 0) {
             return Err(Error::Range(format!(
                 "what slides at joint {name}, {}, depends on controls: it may depend on coordinates, velocities, parameters \
@@ -673,6 +730,7 @@ impl Builder<'_> {
         let tangents: &[Id] = if frictionless { &[] } else { &c.tangents };
         for &tangent in tangents {
             self.check_smooth(&format!("a tangent of contact {name}"), tangent)?;
+            self.check_beside(&format!("a tangent of contact {name}"), tangent)?;
         }
         let contact = Contact { tangents: tangents.to_vec(), ..c.clone() };
         let stiction = stiction.filter(|_| !frictionless);
@@ -725,7 +783,7 @@ impl Builder<'_> {
             };
             let made = Shape::new(&mut self.frame(), s.order, &c.name, &parts);
             let shape = made.map_err(|e| self.flaw(stated, e))?;
-            return Ok(shape.contact(&c.name, &Places::all(s.n_q, s.n_v), dims));
+            return Ok(shape.contact(&c.name, &Places::all([s.n_q, s.n_v, s.states.len()]), dims));
         };
         let key = excerpt.key(&c.name);
         let shape = match self.alike.get(&key) {

@@ -40,6 +40,8 @@ pub struct Report {
     pub name: String,
     /// Coordinates, velocities, controls, parameters.
     pub sizes: [usize; 4],
+    /// States beside coordinates and velocities.
+    pub n_states: usize,
     /// How the inertia is treated, in words.
     pub inertia: String,
     /// Law for several contacts that close at once.
@@ -74,6 +76,7 @@ impl Report {
         Report {
             name: s.name.clone(),
             sizes: [s.n_q, s.n_v, s.nu, s.np],
+            n_states: m.n_z,
             inertia: inertia.into(),
             law: m.law,
             contacts: kept.iter().zip(&m.contacts).map(contact).collect(),
@@ -86,6 +89,9 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let [n_q, n_v, nu, np] = self.sizes;
         writeln!(f, "scene {}: {n_q} coordinates, {n_v} velocities, {nu} controls, {np} parameters", self.name)?;
+        if self.n_states > 0 {
+            writeln!(f, "beside them {} states", self.n_states)?;
+        }
         writeln!(f, "inertia: {}", self.inertia)?;
         if self.contacts.is_empty() {
             writeln!(f, "no contacts: a smooth model")?;
@@ -141,7 +147,7 @@ impl Report {
         let [n_q, n_v, nu, np] = self.sizes;
         let law = if self.law == ImpactLaw::Newton { "newton" } else { "sequential" };
         serde_json::json!({
-            "name": self.name, "n_q": n_q, "n_v": n_v, "n_controls": nu, "n_parameters": np,
+            "name": self.name, "n_q": n_q, "n_v": n_v, "n_states": self.n_states, "n_controls": nu, "n_parameters": np,
             "inertia": self.inertia, "impact_law": law,
             "contacts": self.contacts.iter().map(contact).collect::<Vec<_>>(),
             "dropped": self.dropped.iter().map(dropped).collect::<Vec<_>>(),

@@ -108,7 +108,7 @@ impl Frame<'_> {
 
     /// The contact as functions of the states that occur in it.
     fn local(&mut self, name: &str, gap: Id, parts: &Parts, motions: &[&Motion]) -> Result<Local> {
-        let (n_q, dims) = (self.n_q, self.dims);
+        let (n_q, n_v, dims) = (self.n_q, self.n_v, self.dims);
         let zero = self.dag.constant(0.0);
         let along = || motions.iter().map(|m| &m.along);
         let mut all = vec![gap, parts.friction, parts.restitution];
@@ -124,7 +124,8 @@ impl Frame<'_> {
         touched.extend(along().flat_map(|a| (0..a.len()).filter(|&i| a[i] != zero).map(|i| n_q + i)));
         touched.sort_unstable();
         touched.dedup();
-        let velocities: Vec<usize> = touched.iter().filter(|&&i| i >= n_q).map(|i| i - n_q).collect();
+        let velocities: Vec<usize> =
+            touched.iter().filter(|&&i| (n_q..n_q + n_v).contains(&i)).map(|i| i - n_q).collect();
         let mut rows = Vec::new();
         for (k, m) in motions.iter().enumerate() {
             rows.push(m.rate);
@@ -143,7 +144,8 @@ impl Frame<'_> {
         let gap = self.function(&format!("gap of {name} and contacts alike"), dims, &gap)?;
         let rows = self.function(&format!("normal and tangents of {name} and contacts alike"), dims, &rows)?;
         let coordinates = touched.iter().copied().filter(|i| *i < n_q).collect();
-        Ok(Local { coordinates, velocities, gap, rows })
+        let others = touched.iter().filter_map(|i| i.checked_sub(n_q + n_v)).collect();
+        Ok(Local { coordinates, velocities, others, gap, rows })
     }
 }
 
@@ -181,22 +183,26 @@ pub(super) struct Parts {
 pub(super) struct Places {
     coordinates: Vec<usize>,
     velocities: Vec<usize>,
-    /// Number of all coordinates and velocities.
-    sizes: (usize, usize),
+    /// States beside these.
+    others: Vec<usize>,
+    /// Number of all coordinates, velocities and others.
+    sizes: [usize; 3],
 }
 
 impl Places {
-    pub(super) fn all(n_q: usize, n_v: usize) -> Places {
-        Places { coordinates: (0..n_q).collect(), velocities: (0..n_v).collect(), sizes: (n_q, n_v) }
+    pub(super) fn all(sizes: [usize; 3]) -> Places {
+        let [coordinates, velocities, others] = sizes.map(|n| (0..n).collect());
+        Places { coordinates, velocities, others, sizes }
     }
 
     fn is_all(&self) -> bool {
-        (self.coordinates.len(), self.velocities.len()) == self.sizes
+        [self.coordinates.len(), self.velocities.len(), self.others.len()] == self.sizes
     }
 
     fn states(&self) -> Vec<u32> {
-        let velocities = self.velocities.iter().map(|v| self.sizes.0 + v);
-        self.coordinates.iter().copied().chain(velocities).map(|i| i as u32).collect()
+        let velocities = self.velocities.iter().map(|v| self.sizes[0] + v);
+        let others = self.others.iter().map(|z| self.sizes[0] + self.sizes[1] + z);
+        self.coordinates.iter().copied().chain(velocities).chain(others).map(|i| i as u32).collect()
     }
 }
 
@@ -220,11 +226,12 @@ impl Excerpt {
         roots.extend_from_slice(&c.tangents);
         roots.extend(stated.stiction);
         let own = roots.len();
-        let mut places = if n_q + n_v <= FEW || s.order == Order::First {
+        let sizes = [n_q, n_v, s.n_states()];
+        let mut places = if sizes.iter().sum::<usize>() <= FEW || s.order == Order::First {
             roots.extend_from_slice(rates);
-            Places::all(n_q, n_v)
+            Places::all(sizes)
         } else {
-            Places { coordinates: Vec::new(), velocities: Vec::new(), sizes: (n_q, n_v) }
+            Places { coordinates: Vec::new(), velocities: Vec::new(), others: Vec::new(), sizes }
         };
         loop {
             let graph = SavedGraph::new(dag, &roots)?;
@@ -235,7 +242,10 @@ impl Excerpt {
             states.sort_unstable();
             let split = states.partition_point(|i| *i < n_q);
             let complete = places.coordinates == states[..split];
-            places.velocities = states.split_off(split).into_iter().map(|i| i - n_q).collect();
+            let mut rest = states.split_off(split);
+            let behind = rest.split_off(rest.partition_point(|i| *i < n_q + n_v));
+            places.velocities = rest.into_iter().map(|i| i - n_q).collect();
+            places.others = behind.into_iter().map(|i| i - n_q - n_v).collect();
             places.coordinates = states;
             if complete {
                 let at = places.states();
@@ -254,9 +264,10 @@ impl Excerpt {
     /// Contacts with the same key have the same functions. Those of all states keep their names in messages.
     pub(super) fn key(&self, name: &str) -> String {
         let name = if self.places.is_all() { name } else { "" };
-        let Places { coordinates, velocities, .. } = &self.places;
+        let Places { coordinates, velocities, others, .. } = &self.places;
         let (kind, n_t, sticks) = (self.kind, self.n_tangents, self.stiction);
-        format!("{name} {} {} {kind:?} {n_t} {sticks} {:?}", coordinates.len(), velocities.len(), self.graph)
+        let (q, v, z) = (coordinates.len(), velocities.len(), others.len());
+        format!("{name} {q} {v} {z} {kind:?} {n_t} {sticks} {:?}", self.graph)
     }
 
     /// The functions; `dims` are the sizes of the system, and `functions` those that expressions may call.
@@ -281,7 +292,8 @@ impl Excerpt {
             rates: rates.to_vec(),
         };
         let (n_q, n_v) = (self.places.coordinates.len(), self.places.velocities.len());
-        let mut frame = Frame { dag: &mut dag, n_q, n_v, dims: Dims { x: n_q + n_v, ..dims } };
+        let x = n_q + n_v + self.places.others.len();
+        let mut frame = Frame { dag: &mut dag, n_q, n_v, dims: Dims { x, ..dims } };
         Shape::new(&mut frame, order, name, &parts).map(Arc::new)
     }
 }
@@ -360,6 +372,7 @@ impl Shape {
         let local = self.local.as_ref().map(|l| Local {
             coordinates: l.coordinates.iter().map(|&i| at.coordinates[i]).collect(),
             velocities: l.velocities.iter().map(|&i| at.velocities[i]).collect(),
+            others: l.others.iter().map(|&i| at.others[i]).collect(),
             ..l.clone()
         });
         let name = name.to_owned();
@@ -368,7 +381,7 @@ impl Shape {
             let (gap, motion, reaction) = (self.gap.clone(), self.motion.clone(), self.reaction.clone());
             return system::Contact { name, kind, stiction, n_tangents: n, gap, motion, reaction, local };
         }
-        let (n_v, np) = (at.sizes.1, dims.p);
+        let (n_v, np) = (at.sizes[1], dims.p);
         let along = |from: usize| at.velocities.iter().map(move |v| (from + v) as u32);
         let parameters: Vec<u32> = (0..np as u32).collect();
         let mut rows: Vec<u32> = (0..3).chain(along(3)).collect();

@@ -25,7 +25,7 @@
 //! the step; where a larger bound holds what sticks, the impulse is that of sticking if this is in it. A constraint has an impulse of either
 //! sign, `ċ⁺ = 0`, and what is left of `c` at the end of a step is shifted back.
 //!
-//! **Forces are explicit.** `f_v` is taken at the velocities of the start of the step, so steps must resolve it: shorter than
+//! **Forces are explicit.** States beside coordinates and velocities move by `h` times their rates in the middle of the step. `f_v` is taken at the velocities of the start of the step, so steps must resolve it: shorter than
 //! `2/ω` for a spring, `2 m/c` for a damper. What is stiffer than that is better stated as a contact or a constraint.
 //!
 //! **What a step costs.** Functions are evaluated for the contacts that are near only; none is missed, see `near`. The
@@ -178,6 +178,8 @@ pub struct Stepper {
     held: Vec<usize>,
     stats: Statistics,
     // memory of a step
+    /// What the states beside coordinates and velocities are at its end.
+    rest: Vec<f64>,
     middle: Vec<f64>,
     smooth: Vec<f64>,
     v: Vec<f64>,
@@ -241,6 +243,7 @@ impl Stepper {
             impulses: vec![[0.0; 3]; n],
             held: Vec::new(),
             stats: Statistics::default(),
+            rest: vec![0.0; m.n_z],
             middle: vec![0.0; dims.x],
             smooth: vec![0.0; dims.x],
             v: vec![0.0; n_v],

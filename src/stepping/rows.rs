@@ -123,6 +123,7 @@ impl Rows {
         self.local.clear();
         self.local.extend(l.coordinates.iter().map(|&j| at.x[j]));
         self.local.extend(l.velocities.iter().map(|&j| at.x[n_q + j]));
+        self.local.extend(l.others.iter().map(|&j| at.x[n_q + inertia.of.len() + j]));
         let length = Local::rows_len(n_o, n_tangents);
         self.out.resize(length + usize::from(contact.stiction), 0.0);
         l.rows.value(&Point { x: &self.local, ..*at }, &mut self.out, work)?;

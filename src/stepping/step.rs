@@ -97,7 +97,7 @@ impl Stepper {
     fn check_gaps(&mut self) -> Result<()> {
         let m = self.mechanics.clone();
         let h = self.options.h;
-        self.free.copy_from_slice(&self.smooth[m.n_q..]);
+        self.free.copy_from_slice(&self.smooth[m.velocities()]);
         self.inertia.solve(&mut self.free);
         let place = Place { t: self.t, q: &self.x[..m.n_q], u: &self.u, p: &self.p };
         for (c, contact) in m.contacts.iter().enumerate() {
@@ -111,6 +111,7 @@ impl Stepper {
                 .iter()
                 .copied()
                 .chain(l.velocities.iter().map(|v| m.n_q + v))
+                .chain(l.others.iter().map(|z| m.velocities().end + z))
                 .map(|i| self.x[i])
                 .collect();
             let at = Point { t: self.t, x: &own, u: &self.u, p: &self.p };
@@ -222,11 +223,14 @@ impl Stepper {
             .map_err(|(c, e)| failed(e, &format!("gap of {}", m.contacts[c].name), t))?;
         self.evaluate_smooth(t)?;
         self.load_inertia(t)?;
-        self.free.copy_from_slice(&self.smooth[n_q..]);
+        let velocities = m.velocities();
+        self.free.copy_from_slice(&self.smooth[velocities.clone()]);
+        let states = self.x[velocities.end..].iter().zip(&self.smooth[velocities.end..]);
+        self.rest.iter_mut().zip(states).for_each(|(r, (z, rate))| *r = z + h * rate);
         self.inertia.solve(&mut self.free);
         self.load_contacts(t)?;
         // velocities with forces, and with the impulses that were there in the last step
-        self.v.copy_from_slice(&self.x[n_q..]);
+        self.v.copy_from_slice(&self.x[velocities.clone()]);
         let sequential = self.law == ImpactLaw::Sequential;
         if sequential {
             self.impacts_in_sequence();
@@ -246,7 +250,8 @@ impl Stepper {
         }
         self.move_middle(h);
         self.x[..n_q].copy_from_slice(&self.middle[..n_q]);
-        self.x[n_q..].copy_from_slice(&self.v);
+        self.x[velocities.end..].copy_from_slice(&self.rest);
+        self.x[velocities].copy_from_slice(&self.v);
         self.check_bounds()?;
         if let Some(i) = self.x.iter().position(|v| !v.is_finite()) {
             return Err(Error::NonFinite(format!(

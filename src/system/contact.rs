@@ -68,14 +68,16 @@ pub enum Order {
 /// A contact as a function of what it touches alone, for scenes with many: its cost does not grow with the scene. Contacts
 /// of bodies alike may share the functions.
 ///
-/// The states of both functions are the coordinates that are listed, then the velocities that are listed; controls,
-/// parameters and time are those of the system.
+/// The states of both functions are the coordinates that are listed, then the velocities that are listed, then the other states that
+/// are; controls, parameters and time are those of the system.
 #[derive(Clone)]
 pub struct Local {
     /// Coordinates that occur, increasing.
     pub coordinates: Vec<usize>,
     /// Velocities that occur, increasing.
     pub velocities: Vec<usize>,
+    /// States beside coordinates and velocities that occur, increasing.
+    pub others: Vec<usize>,
     /// The gap, one output. With [`crate::func::Function::bounds`] it is known how long the contact stays open.
     pub gap: SharedFunction,
     /// [`Local::rows_len`] outputs: the rate of the gap, `μ`, `e`, the entries of `n` of the velocities listed, then for
@@ -175,9 +177,12 @@ pub struct Mechanics {
     pub order: Order,
     /// Coordinates `q`, the first states.
     pub n_q: usize,
-    /// Velocities `v`, the other states.
+    /// Velocities `v`, the states behind them.
     pub n_v: usize,
-    /// `N v` (`n_q` values), then `f_v`.
+    /// States `z` beside these, the last ones: `ż = h(q, v, z, u, p, t)`. Forces and the bounds of friction at joints may depend on them,
+    /// contacts and inertia do not.
+    pub n_z: usize,
+    /// `N v` (`n_q` values), `f_v` (`n_v` values), then `h`.
     pub smooth: SharedFunction,
     /// The matrix `M`.
     pub inertia: Inertia,
@@ -193,6 +198,16 @@ pub struct Mechanics {
 }
 
 impl Mechanics {
+    /// Length of the state.
+    pub fn n_states(&self) -> usize {
+        self.n_q + self.n_v + self.n_z
+    }
+
+    /// Places of the velocities in the state.
+    pub(crate) fn velocities(&self) -> std::ops::Range<usize> {
+        self.n_q..self.n_q + self.n_v
+    }
+
     /// Must its functions be called by one thread only?
     pub(super) fn is_serial(&self) -> bool {
         let inertia = match &self.inertia {
@@ -209,6 +224,13 @@ impl Mechanics {
     /// An error where there is more than contacts that close, push and slide under one coefficient of friction, for those who cannot
     /// follow that.
     pub(crate) fn check_plain(&self, who: &str) -> Result<()> {
+        if self.n_z > 0 {
+            return Err(Error::Unsupported(format!(
+                "{who} cannot follow the {} states that a scene has beside coordinates and velocities: simulate it \
+                 event-driven or by time stepping",
+                self.n_z
+            )));
+        }
         for c in &self.contacts {
             let what = match c.kind {
                 Kind::Unilateral if c.stiction => "sticks by another friction than it slides with",
@@ -226,9 +248,12 @@ impl Mechanics {
 
     fn check(&self, system: &System) -> Result<()> {
         let own = system.dims;
-        if self.n_q + self.n_v != own.x {
-            let (q, v) = (self.n_q, self.n_v);
-            return Err(Error::Dimension(format!("{q} coordinates and {v} velocities make no state of {}", own.x)));
+        if self.n_states() != own.x {
+            let (q, v, z) = (self.n_q, self.n_v, self.n_z);
+            return Err(Error::Dimension(format!(
+                "{q} coordinates, {v} velocities and {z} other states make no state of {}",
+                own.x
+            )));
         }
         sizes::check("contacts", &[self.contacts.len()])?;
         let check = |f: &SharedFunction, more: usize, n_out: usize| {
@@ -275,14 +300,19 @@ impl Mechanics {
 
     fn check_local(&self, c: &Contact, own: Dims) -> Result<()> {
         let (Some(l), name) = (&c.local, &c.name) else { return Ok(()) };
-        for (what, list, n) in [("coordinates", &l.coordinates, self.n_q), ("velocities", &l.velocities, self.n_v)] {
+        let lists = [
+            ("coordinates", &l.coordinates, self.n_q),
+            ("velocities", &l.velocities, self.n_v),
+            ("other states", &l.others, self.n_z),
+        ];
+        for (what, list, n) in lists {
             if list.iter().any(|&i| i >= n) || list.windows(2).any(|w| w[0] >= w[1]) {
                 return Err(Error::Range(format!(
                     "contact {name}: the {what} it touches are {list:?}: they must increase, and there are {n}"
                 )));
             }
         }
-        let dims = Dims { x: l.coordinates.len() + l.velocities.len(), ..own };
+        let dims = Dims { x: l.coordinates.len() + l.velocities.len() + l.others.len(), ..own };
         let lengths = [1, Local::rows_len(l.velocities.len(), c.n_tangents) + usize::from(c.stiction)];
         for (f, n) in [&l.gap, &l.rows].into_iter().zip(lengths) {
             if f.dims() != dims || f.n_out() != n {
@@ -299,7 +329,7 @@ impl Mechanics {
 impl System {
     /// A mechanical system with contacts, without anything else.
     pub fn of_mechanics(mechanics: Mechanics, nu: usize, np: usize) -> Result<System> {
-        let mut system = System::new(mechanics.n_q + mechanics.n_v, nu, np)?;
+        let mut system = System::new(mechanics.n_states(), nu, np)?;
         mechanics.check(&system)?;
         system.mechanics = Some(Arc::new(mechanics));
         Ok(system)

@@ -109,7 +109,13 @@ fn table(n: usize, o: &Options) -> Stepper {
         gap: Nothing::shared(dims, 2),
         motion: Nothing::shared(dims, system::Contact::motion_len(n_v, 0)),
         reaction: Nothing::shared(Dims { p: n_v + 1, ..dims }, n_v + 1),
-        local: Some(Local { coordinates: touched.clone(), velocities: touched, gap: f[0].clone(), rows: f[1].clone() }),
+        local: Some(Local {
+            coordinates: touched.clone(),
+            velocities: touched,
+            others: Vec::new(),
+            gap: f[0].clone(),
+            rows: f[1].clone(),
+        }),
     };
     let mut contacts = Vec::new();
     for i in 0..n {
@@ -125,6 +131,7 @@ fn table(n: usize, o: &Options) -> Stepper {
     let smooth: Vec<_> = (0..n_v).map(|i| g.x(n_v + i)).chain((0..n_v).map(|_| zero)).collect();
     let mechanics = Mechanics {
         n_q: n_v,
+        n_z: 0,
         n_v,
         smooth: Arc::new(g.function("smooth", dims, &smooth).unwrap()),
         inertia: Inertia::Identity,
