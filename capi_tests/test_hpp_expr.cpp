@@ -242,6 +242,17 @@ static void joints() {
     CHECK(near(run.contact_forces(1.0)[1], 0.15, 1e-10) && near(run.contact_forces(1.0)[3], g, 1e-10));
     CHECK(run.contact_modes(15.0)[0] == SWB_CONTACT_MODE_CLOSED);
 
+    // the friction fades with z = exp(-t)
+    swb::Scene fading("x", "", "", "", "fading", "z");
+    fading.force({fading.constant(0.0)});
+    fading.state_rates({-fading.state(0)});
+    fading.friction("guide", fading.q(0), 0.5 * fading.state(0));
+    const swb::System faded = fading.system();
+    swb::Integrator slower(faded, settings);
+    slower.reinit(0.0, {0.0, 1.0, 1.0});
+    slower.advance(1.0);
+    CHECK(near(slower.state()[1], 1.0 - 0.5 * (1.0 - std::exp(-1.0)), 1e-9));
+
     swb::Scene block("x y");
     block.force({block.t(), block.constant(-1.0)});
     const int64_t floor = block.contact("floor", block.q(1), {block.q(0)}, 0.3);

@@ -480,10 +480,55 @@ static void joints(void)
     swb_expr_free(other);
 }
 
+/* Friction that fades with a state beside coordinate and velocity: z = exp(-t), v = 1 - (1 - z)/2. */
+static void states(void)
+{
+    static const double half = 0.5, zero = 0.0, start[3] = {0.0, 1.0, 1.0};
+    int64_t x[3], c[2], rate, bound;
+    double state[3];
+    int32_t outcome;
+    swb_expr *graph = NULL;
+    swb_scene *scene = NULL;
+    swb_system *system = NULL;
+    swb_integrator *integrator = NULL;
+    CHECK_OK(swb_expr_create(&graph));
+    CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 3));
+    CHECK_OK(swb_expr_constants(graph, &half, 1, &c[0], 1));
+    CHECK_OK(swb_expr_constants(graph, &zero, 1, &c[1], 1));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_NEG, &x[2], NULL, NULL, &rate, 1));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_MUL, &c[0], &x[2], NULL, &bound, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_scene_create_with_states("fading", 1, 1, -1, 0, 0, NULL, &scene));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_scene_create_with_states("fading", 0, 1, 1, 0, 0, NULL, &scene));
+    CHECK_STATUS(SWB_ERR_NULL, swb_scene_create_with_states(NULL, 1, 1, 1, 0, 0, NULL, &scene));
+    CHECK(scene == NULL);
+    CHECK_OK(swb_scene_create_with_states("fading", 1, 1, 1, 0, 0, "x\nv\nz", &scene));
+    CHECK_OK(swb_scene_set_force(scene, graph, &c[1], 1));
+    REFUSED(SWB_ERR_STATE, swb_scene_build(scene, graph), "no rate of z");
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_scene_set_state_rates(scene, graph, x, 2));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_scene_set_state_rates(scene, graph, NULL, 0));
+    CHECK_OK(swb_scene_set_state_rates(scene, graph, &rate, 1));
+    CHECK_OK(swb_scene_add_friction(scene, graph, "guide", x[0], bound, -1, NULL));
+    CHECK_OK(swb_scene_build(scene, graph));
+    CHECK_OK(swb_scene_system(scene, &system));
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_set_double(integrator, "rtol", 1e-11));
+    CHECK_OK(swb_integrator_set_double(integrator, "atol", 1e-11));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, start, 3));
+    CHECK_OK(swb_integrator_advance(integrator, 1.0, &outcome));
+    CHECK_OK(swb_integrator_get_state(integrator, state, 3));
+    CHECK_NEAR(state[1], 1.0 - 0.5 * (1.0 - exp(-1.0)), 1e-9);
+    CHECK_NEAR(state[2], exp(-1.0), 1e-9);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    swb_scene_free(scene);
+    swb_expr_free(graph);
+}
+
 int main(void)
 {
     bounces();
     joints();
+    states();
     slides();
     steps();
     refusals();

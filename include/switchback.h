@@ -2247,7 +2247,8 @@ typedef struct swb_ocp swb_ocp;
 typedef struct swb_run swb_run;
 
 /**
- * Scene: coordinates q, velocities v, inertia, forces and contacts, made of expressions in which the states are q, then v.
+ * Scene: coordinates q, velocities v, inertia, forces and contacts, made of expressions in which the states are q, then v, then what is
+ * beside them.
  */
 typedef struct swb_scene swb_scene;
 
@@ -5963,6 +5964,30 @@ swb_status swb_scene_create(const char *name,
                             struct swb_scene **out);
 
 /**
+ * Create a scene that has states z beside coordinates and velocities, z' = h(q, v, z, u, p, t): currents of motors, controllers,
+ * temperatures. Forces and the bounds of friction at joints may depend on them. They stand behind the velocities among the states.
+ *
+ * @param[in]  name  for messages
+ * @param[in]  n_q   coordinates
+ * @param[in]  n_v   velocities
+ * @param[in]  n_z   states beside these
+ * @param[in]  nu    controls
+ * @param[in]  np    parameters
+ * @param[in]  names of coordinates, velocities, other states, controls and parameters, one per line, for messages; may be NULL
+ * @param[out] out   the new object, NULL on failure; free with swb_scene_free
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_NODISCARD SWB_API
+swb_status swb_scene_create_with_states(const char *name,
+                                        int64_t n_q,
+                                        int64_t n_v,
+                                        int64_t n_z,
+                                        int64_t nu,
+                                        int64_t np,
+                                        const char *names,
+                                        struct swb_scene **out);
+
+/**
  * Create a projected system, or first-order sweeping process, without right-hand side and constraints:
  * x' = f(x, u, p, t) + sum of the gradients of c_i(x, p, t) times multipliers, 0 <= multiplier, c_i >= 0, one of them zero.
  *
@@ -6023,6 +6048,19 @@ swb_status swb_scene_set_force(struct swb_scene *scene,
                                const struct swb_expr *graph,
                                const int64_t *force,
                                int64_t n);
+
+/**
+ * Set the rates of the states beside coordinates and velocities, smooth expressions of states, controls, parameters and time.
+ *
+ * @param[in] graph the graph of the expressions
+ * @param[in] rates [n] n_z expressions
+ * @return as swb_scene_set_rates
+ */
+SWB_API
+swb_status swb_scene_set_state_rates(struct swb_scene *scene,
+                                     const struct swb_expr *graph,
+                                     const int64_t *rates,
+                                     int64_t n);
 
 /**
  * Add a contact.

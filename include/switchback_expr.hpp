@@ -770,23 +770,31 @@ private:
 /// forces, contacts. Its states are q, then v.
 class Scene : public detail::ContactSystem {
 public:
-    /// Variables by names, separated by spaces or commas.
+    /// Variables by names, separated by spaces or commas; `states` are states beside coordinates and velocities.
     explicit Scene(const std::string &q, const std::string &v = "", const std::string &controls = "",
-                   const std::string &parameters = "", const std::string &name = "scene") {
+                   const std::string &parameters = "", const std::string &name = "scene", const std::string &states = "") {
         const auto qs = words(q), vs = v.empty() ? rates_of(qs) : words(v), us = words(controls), ps = words(parameters);
+        const auto zs = words(states);
         swb_scene *s = nullptr;
-        detail::check(swb_scene_create(name.c_str(), size(qs), size(vs), size(us), size(ps),
-                                       joined({&qs, &vs, &us, &ps}).c_str(), &s));
-        const Exprs x = begin(s, qs.size() + vs.size(), us, ps);
-        q_.assign(x.begin(), x.begin() + static_cast<std::ptrdiff_t>(qs.size()));
-        v_.assign(x.begin() + static_cast<std::ptrdiff_t>(qs.size()), x.end());
+        detail::check(swb_scene_create_with_states(name.c_str(), size(qs), size(vs), size(zs), size(us), size(ps),
+                                                   joined({&qs, &vs, &zs, &us, &ps}).c_str(), &s));
+        const Exprs x = begin(s, qs.size() + vs.size() + zs.size(), us, ps);
+        const auto velocities = x.begin() + static_cast<std::ptrdiff_t>(qs.size());
+        const auto behind = velocities + static_cast<std::ptrdiff_t>(vs.size());
+        q_.assign(x.begin(), velocities);
+        v_.assign(velocities, behind);
+        states_.assign(behind, x.end());
     }
 
     const Exprs &q() const { return q_; }
     const Exprs &v() const { return v_; }
     const Expr &q(std::size_t i) const { return q_.at(i); }
     const Expr &v(std::size_t i) const { return v_.at(i); }
+    /// State `i` beside coordinates and velocities.
+    const Expr &state(std::size_t i) const { return states_.at(i); }
 
+    /// The rates of the states beside coordinates and velocities.
+    void state_rates(const Exprs &values) { set(swb_scene_set_state_rates, values); }
     /// The rates of the coordinates, linear in the velocities.
     void rates(const Exprs &values) { set(swb_scene_set_rates, values); }
     /// The inertia matrix, symmetric: its rows one after the other.
@@ -868,7 +876,7 @@ private:
         return out;
     }
 
-    Exprs q_, v_;
+    Exprs q_, v_, states_;
 };
 
 /// A projected system, or first-order sweeping process: x' = f plus the sum of gradient(c) times multiplier over all constraints

@@ -320,6 +320,7 @@ static void joints(swb_scene *scene, swb_expr *graph, const int64_t *x, const in
     DO(swb_scene_set_stiction, scene, graph, 0, c[3]);
     DO(swb_scene_add_friction, scene, graph, "guide", x[0], c[2], c[3], NULL);
     DO(swb_scene_add_constraint, scene, graph, "level", x[3], NULL);
+    DO(swb_scene_set_state_rates, scene, graph, NULL, 0);
     if (!DO(swb_scene_build, scene, graph) || !DO(swb_scene_system, scene, &system))
         return;
     pool_add(T_swb_system, system);
@@ -333,6 +334,35 @@ static void joints(swb_scene *scene, swb_expr *graph, const int64_t *x, const in
     pool_add(T_swb_run, run);
     DO(swb_run_contact_modes, run, &t, 1, modes, 3);
     DO(swb_run_contact_forces, run, &t, 1, forces, 9);
+}
+
+/* A bearing whose friction depends on a state beside coordinate and velocity. */
+static void bearing(const swb_settings *s)
+{
+    static const double start[3] = {0.0, 1.0, 0.5};
+    int64_t x[3];
+    int32_t outcome;
+    swb_expr *graph = NULL;
+    swb_scene *scene = NULL;
+    swb_system *system = NULL;
+    swb_integrator *it = NULL;
+    MUST(swb_expr_create(&graph));
+    pool_add(T_swb_expr, graph);
+    MUST(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 3));
+    if (!DO(swb_scene_create_with_states, "bearing", 1, 1, 1, 0, 0, NULL, &scene))
+        return;
+    pool_add(T_swb_scene, scene);
+    DO(swb_scene_set_force, scene, graph, &x[2], 1);
+    DO(swb_scene_set_state_rates, scene, graph, &x[1], 1);
+    DO(swb_scene_add_friction, scene, graph, "bearing", x[0], x[2], -1, NULL);
+    if (!DO(swb_scene_build, scene, graph) || !DO(swb_scene_system, scene, &system))
+        return;
+    pool_add(T_swb_system, system);
+    if (!DO(swb_integrator_create, system, s, &it))
+        return;
+    pool_add(T_swb_integrator, it);
+    DO(swb_integrator_reinit, it, 0.0, start, 3);
+    DO(swb_integrator_advance, it, 0.5, &outcome);
 }
 
 /* A block that falls on a rough floor and slides. */
@@ -816,6 +846,8 @@ void world_create(struct random *r)
         kinked(&s);
     if (random_once_in(r, 2))
         block(&s);
+    if (random_once_in(r, 3))
+        bearing(&s);
     if (random_once_in(r, 3))
         play(&s);
     if (random_once_in(r, 2))

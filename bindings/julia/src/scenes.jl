@@ -11,14 +11,15 @@ struct SceneContact
 end
 
 """
-    Scene(q; v = nothing, u = 0, p = 0, name = "scene")
+    Scene(q; v = nothing, u = 0, p = 0, states = 0, name = "scene")
 
 A mechanical system with contacts: q' = N(q) v, M(q) v' = force(q, v, u, p, t) + forces of the contacts, gaps not negative,
 friction.
 
 Coordinates `q`, velocities `v`, controls `u` and parameters `p` are given by names, `(:x, :y)` or "x y", or by their number;
 without `v` there is a velocity for each coordinate, its rate. `s.q`, `s.v`, `s.u`, `s.p` are vectors of expressions, `s.x` is q
-and then v, `s.t` is the time. `force!` completes the scene; `rates!`, `inertia!`, `contact!`, `set_bounds!`, `impact_law!`:
+and then v, `s.t` is the time. `states` are states beside these, such as currents and temperatures, which end `s.x`; `state_rates!`
+gives their rates, and simulations start from the whole state. `force!` completes the scene; `rates!`, `inertia!`, `contact!`, `set_bounds!`, `impact_law!`:
 
     s = Scene(:y; name = "ball")
     force!(s, [-9.81])
@@ -30,11 +31,12 @@ mutable struct Scene <: AnyScene
     address::Ptr{Lib.swb_scene}
     uses::Int
     name::String
-    names::NTuple{4,Vector{String}} # of coordinates, velocities, controls, parameters
+    names::NTuple{5,Vector{String}} # of coordinates, velocities, states beside them, controls, parameters
     graph::Graph
     x::Vector{Expression}
     q::Vector{Expression}
     v::Vector{Expression}
+    states::Vector{Expression}
     u::Vector{Expression}
     p::Vector{Expression}
     t::Expression
@@ -75,18 +77,20 @@ end
 
 joined(names) = join(Iterators.flatten(names), "\n")
 
-function Scene(q; v = nothing, u = 0, p = 0, name = "scene")
+function Scene(q; v = nothing, u = 0, p = 0, states = 0, name = "scene")
     qs = variable_names(q, "q")
     vs = v === nothing ? [isempty(n) ? "" : "v_$n" for n in qs] : variable_names(v, "v")
-    names, title = (qs, vs, variable_names(u, "u"), variable_names(p, "p")), plain(name, "name")
+    zs = variable_names(states, "states")
+    names, title = (qs, vs, zs, variable_names(u, "u"), variable_names(p, "p")), plain(name, "name")
     given = filter(!isempty, vcat(names...))
     allunique(given) || mistake(:range, "two variables of the scene have one name: $(join(given, ", "))")
     (isempty(qs) || isempty(vs)) && mistake(:dimension, "a scene needs at least one coordinate and one velocity")
     graph, n = Graph(), length.(names)
-    x = inputs(graph, Lib.SWB_INPUT_X, 0, n[1] + n[2])
-    address = created(AnyScene, Lib.swb_scene_create, title, n..., joined(names))
-    return owned(Scene(address, 0, title, names, graph, x, x[1:n[1]], x[n[1]+1:end], inputs(graph, Lib.SWB_INPUT_U, 0, n[3]),
-                       inputs(graph, Lib.SWB_INPUT_P, 0, n[4]), inputs(graph, Lib.SWB_INPUT_T, 0, 1)[1], [], false))
+    behind = n[1] + n[2]
+    x = inputs(graph, Lib.SWB_INPUT_X, 0, behind + n[3])
+    address = created(AnyScene, Lib.swb_scene_create_with_states, title, n..., joined(names))
+    return owned(Scene(address, 0, title, names, graph, x, x[1:n[1]], x[n[1]+1:behind], x[behind+1:end],
+                       inputs(graph, Lib.SWB_INPUT_U, 0, n[4]), inputs(graph, Lib.SWB_INPUT_P, 0, n[5]), inputs(graph, Lib.SWB_INPUT_T, 0, 1)[1], [], false))
 end
 
 function Projected(x; u = 0, p = 0, name = "projected")
@@ -101,7 +105,7 @@ function Projected(x; u = 0, p = 0, name = "projected")
 end
 
 "Names of the states, controls and parameters."
-state_names(s::Scene) = ([s.names[1]; s.names[2]], s.names[3], s.names[4])
+state_names(s::Scene) = ([s.names[1]; s.names[2]; s.names[3]], s.names[4], s.names[5])
 state_names(s::Projected) = s.names
 sizes(s::AnyScene) = (length(s.x), length(s.u), length(s.p))
 
@@ -129,6 +133,14 @@ rates!(s::Scene, values_) = give_expressions(Lib.swb_scene_set_rates, s, values_
 Set the forces, one for every velocity: all that stands beside M v' but the forces of the contacts, smooth expressions.
 """
 force!(s::Scene, values_) = give_expressions(Lib.swb_scene_set_force, s, values_, length(s.v), "force")
+
+"""
+    state_rates!(scene, values)
+
+Set the rates of the states beside coordinates and velocities, one for each, smooth expressions of states, controls, parameters and
+time.
+"""
+state_rates!(s::Scene, values_) = give_expressions(Lib.swb_scene_set_state_rates, s, values_, length(s.states), "state_rates")
 
 """
     inertia!(scene, values)
@@ -305,7 +317,11 @@ system_of(s::AnyScene) = System(s)
 ModelFunction(s::AnyScene, outputs; name = "f") =
     expression_function(s.graph, outputs, sizes(s), outputs isa Real ? 1 : length(outputs), name)
 
-state_of(s::Scene, q0, v0) = [named_vector(q0, s.names[1], "q0"); named_vector(v0, s.names[2], "v0")]
+function state_of(s::Scene, q0, v0)
+    isempty(s.states) ||
+        mistake(:dimension, "the scene has $(length(s.states)) states beside q and v: give the whole state, simulate(scene, x0, tspan)")
+    return [named_vector(q0, s.names[1], "q0"); named_vector(v0, s.names[2], "v0")]
+end
 
 """
     simulate(scene, q0, v0, tspan; ...) -> Solution

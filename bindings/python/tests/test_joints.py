@@ -190,3 +190,47 @@ def test_a_run_of_joints_is_saved(tmp_path):
     run.save(tmp_path / "run.npz")
     again = swb.load(tmp_path / "run.npz")
     assert again.x_end == pytest.approx(run.x_end)
+
+
+def motor():
+    s = swb.Scene("angle", u="U", states="current", name="motor")
+    s.inertia([0.3])
+    s.force([0.7 * s.current])
+    s.state_rates([(s.U - 0.5 * s.current - 0.7 * s.v[0]) / 0.2])
+    s.friction("bearing", s.q[0], 1.1)
+    return s
+
+
+def test_a_motor_breaks_away():
+    """i = U/R (1 - exp(-R t/L)) until 0.7 i = 1.1."""
+    run = motor().simulate([0.0], [0.0], 1.5, states=[0.0], u=[2.0], **TIGHT)
+    assert run.switches[0].t == pytest.approx(-0.4 * np.log(1 - 1.1 * 0.5 / (0.7 * 2.0)), abs=1e-9)
+    steps = motor().simulate_steps([0.0], [0.0], 1.5, h=1e-3, states=[0.0], u=[2.0])
+    assert steps.x[-1] == pytest.approx(run.x_end, abs=5e-3)
+    assert steps.v.shape == (len(steps.t), 1) and steps.states[-1] == pytest.approx(run.x_end[2:], abs=5e-3)
+    assert run["current"][-1] == run.x_end[2]
+
+
+def test_states_are_refused_where_they_do_not_belong():
+    s = motor()
+    with pytest.raises(swb.DimensionError, match="states"):
+        s.simulate([0.0], [0.0], 1.0, u=[2.0])
+    with pytest.raises(swb.DimensionError, match="shape"):
+        s.state_rates([0.0, 1.0])
+    with pytest.raises(swb.UnsupportedError, match="beside coordinates and velocities"):
+        swb.Ocp(s, 1.0, 4)
+    s.constraint("wrong", s.q[0] - s.current)
+    with pytest.raises(swb.RangeError, match="depends on states beside"):
+        s.system()
+    s = swb.Scene("x", states=1)
+    s.force([0.0])
+    with pytest.raises(swb.StateError, match="no rate of"):
+        s.system()
+
+
+def test_states_have_a_drawing_of_their_own(tmp_path):
+    run = motor().simulate([0.0], [0.0], 1.5, states=[0.0], u=[2.0])
+    run.save(tmp_path / "run.npz")
+    for r in (run, swb.load(tmp_path / "run.npz")):
+        labels = [ax.get_ylabel() for ax in r.plot().axes]
+        assert "states" in labels and "velocities" in labels

@@ -67,7 +67,8 @@ impl SceneObject {
     }
 }
 
-/// Scene: coordinates q, velocities v, inertia, forces and contacts, made of expressions in which the states are q, then v.
+/// Scene: coordinates q, velocities v, inertia, forces and contacts, made of expressions in which the states are q, then v, then what is
+/// beside them.
 pub struct swb_scene(());
 impl Object for swb_scene {
     type Value = SceneObject;
@@ -137,6 +138,40 @@ pub unsafe extern "C" fn swb_scene_create(
             let (nu, np) = (size(nu, "nu")?, size(np, "np")?);
             let mut scene = Scene::new(raw::text(name, "name")?, n_q, n_v, nu, np)?;
             set_names(&mut scene, names, [n_q + n_v, nu, np])?;
+            Ok(SceneObject::new(scene))
+        })
+    })
+}
+
+/// Create a scene that has states z beside coordinates and velocities, z' = h(q, v, z, u, p, t): currents of motors, controllers,
+/// temperatures. Forces and the bounds of friction at joints may depend on them. They stand behind the velocities among the states.
+///
+/// @param[in]  name  for messages
+/// @param[in]  n_q   coordinates
+/// @param[in]  n_v   velocities
+/// @param[in]  n_z   states beside these
+/// @param[in]  nu    controls
+/// @param[in]  np    parameters
+/// @param[in]  names of coordinates, velocities, other states, controls and parameters, one per line, for messages; may be NULL
+/// @param[out] out   the new object, NULL on failure; free with swb_scene_free
+/// @return SWB_OK; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_create_with_states(
+    name: *const c_char,
+    n_q: i64,
+    n_v: i64,
+    n_z: i64,
+    nu: i64,
+    np: i64,
+    names: *const c_char,
+    out: *mut *mut swb_scene,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::create(out, |_| {
+            let (n_q, n_v, n_z) = (size(n_q, "n_q")?, size(n_v, "n_v")?, size(n_z, "n_z")?);
+            let (nu, np) = (size(nu, "nu")?, size(np, "np")?);
+            let mut scene = Scene::with_states(raw::text(name, "name")?, n_q, n_v, n_z, nu, np)?;
+            set_names(&mut scene, names, [n_q + n_v + n_z, nu, np])?;
             Ok(SceneObject::new(scene))
         })
     })
@@ -250,6 +285,29 @@ pub unsafe extern "C" fn swb_scene_set_force(
                 return Err(Error::Dimension(format!("there are {} forces, expected {n_v}", all.len())));
             }
             all.into_iter().enumerate().try_for_each(|(i, f)| s.set_force(i, f))
+        })
+    })
+}
+
+/// Set the rates of the states beside coordinates and velocities, smooth expressions of states, controls, parameters and time.
+///
+/// @param[in] graph the graph of the expressions
+/// @param[in] rates [n] n_z expressions
+/// @return as swb_scene_set_rates
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_set_state_rates(
+    scene: *mut swb_scene,
+    graph: *const swb_expr,
+    rates: *const i64,
+    n: i64,
+) -> swb_status {
+    setting(scene, || unsafe {
+        with_ids(scene, graph, (rates, n), "rates", |s, all| {
+            let n_z = s.n_states();
+            if all.len() != n_z {
+                return Err(Error::Dimension(format!("there are {} rates of states, expected {n_z}", all.len())));
+            }
+            all.into_iter().enumerate().try_for_each(|(i, h)| s.set_state_rate(i, h))
         })
     })
 }

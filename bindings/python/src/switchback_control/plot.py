@@ -244,8 +244,13 @@ def plot_run(
         known = dict(zip(chosen, _labels(names, "x", len(chosen))))  # type: ignore[assignment]
     groups = [("states", chosen)]
     if scene is not None and scene.n_q:
-        parts = [i for i in chosen if i < scene.n_q], [i for i in chosen if i >= scene.n_q]
-        groups = [g for g in zip(("coordinates", "velocities"), parts) if g[1]]
+        n_q, behind = scene.n_q, scene.n_q + (getattr(scene, "n_v", None) or run.nx)
+        parts = (
+            [i for i in chosen if i < n_q],
+            [i for i in chosen if n_q <= i < behind],
+            [i for i in chosen if i >= behind],
+        )
+        groups = [g for g in zip(("coordinates", "velocities", "states"), parts) if g[1]]
     bands = _contact_bands(run, None) if scene is not None else None
     # subsystems whose modes are known: of those that never switch they are not, where a transition may have changed them
     shown = [k for k in range(len(run.n_modes)) if run.active(k)]

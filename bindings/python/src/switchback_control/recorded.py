@@ -76,7 +76,7 @@ class SystemInfo:
             tuple(system._names),
             names,
             tuple(tuple(c) for c in system._contacts),
-            None if scene is None else SceneInfo(scene.n_q),
+            None if scene is None else SceneInfo(scene.n_q, n_v=getattr(scene, "n_v", None)),
             None if origin is None else (None, numpy.empty(0), tuple(origin[2])),
             _events=list(getattr(system, "_events", ())),
         )
@@ -88,6 +88,7 @@ class SceneInfo:
 
     n_q: int
     contacts: tuple[Any, ...] = ()
+    n_v: int | None = None
 
 
 def labels(names: Iterable[str], letter: str, n: int) -> list[str]:

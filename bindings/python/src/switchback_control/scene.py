@@ -80,6 +80,7 @@ class _ContactSystem(Named):
     v: Expr
     contacts: list[SceneContact]
     n_q: int  # number of coordinates; the states of a projected system are in the place of velocities
+    states: Expr
     nx: int
     nu: int
     np: int
@@ -178,7 +179,8 @@ class Scene(_ContactSystem):
     q' = N(q) v,   M(q) v' = force(q, v, u, p, t) + contact forces,   gap >= 0, friction
 
     `q`, `v`, `u`, `p` are arrays of expressions and `t` is the time. Coordinates, controls and parameters are given by names,
-    "x y", or by their number; velocities too, and without them there is one for each coordinate, its rate.
+    "x y", or by their number; velocities too, and without them there is one for each coordinate, its rate. `states` are states
+    beside these, such as currents of motors and temperatures; `state_rates` gives their rates.
 
         s = swb.Scene("y", name="ball")
         s.force([-9.81])
@@ -193,16 +195,19 @@ class Scene(_ContactSystem):
         u: int | str | Sequence[str] = 0,
         p: int | str | Sequence[str] = 0,
         name: str = "scene",
+        states: int | str | Sequence[str] = 0,
     ):
         self.name = name
         qs = split(q, "q")
         vs = [f"v_{n}" if n else "" for n in qs] if v is None else split(v, "v")
-        self.names = [qs, vs, split(u, "u"), split(p, "p")]
-        self.n_q, self.n_v, nu, np = (len(n) for n in self.names)
+        zs, us, ps = split(states, "states"), split(u, "u"), split(p, "p")
+        self.names = [qs, vs, zs, us, ps]
+        self.n_q, self.n_v, self.n_states = len(qs), len(vs), len(zs)
         if not self.n_q or not self.n_v:
             raise DimensionError("a scene needs at least one coordinate and one velocity")
-        self._begin(lib.swb_scene_create, (self.n_q, self.n_v, nu, np), self.n_q + self.n_v, *self.names[2:])
-        self.q, self.v = self.x[: self.n_q], self.x[self.n_q :]
+        sizes, behind = (self.n_q, self.n_v, self.n_states), self.n_q + self.n_v
+        self._begin(lib.swb_scene_create_with_states, (*sizes, len(us), len(ps)), sum(sizes), us, ps)
+        self.q, self.v, self.states = self.x[: self.n_q], self.x[self.n_q : behind], self.x[behind:]
         self._warn_hidden(besides=("x",))  # coordinates are written s.q; a state array in the place of x has the wrong shape
 
     def rates(self, values: Any) -> None:
@@ -270,6 +275,16 @@ class Scene(_ContactSystem):
         self.contacts.append(made)
         return made
 
+    def state_rates(self, values: Any) -> None:
+        """Set the rates of the states beside coordinates and velocities, one for each, smooth expressions of states, controls,
+        parameters and time.
+
+            s = swb.Scene("angle", u="U", states="current")
+            s.force([0.1 * s.current])
+            s.state_rates([(s.U - 2.0 * s.current - 0.1 * s.v[0]) / 0.01])
+        """
+        self._set("set_state_rates", values, (self.n_states,), "state_rates")
+
     def friction(self, name: str, sliding: Any, bound: Any, stiction: Any = None) -> SceneContact:
         """Add dry friction at a joint: a force opposite to a sliding velocity, with a bound that is given.
 
@@ -324,12 +339,15 @@ class Scene(_ContactSystem):
         self._current = False
         self._made._do("set_impact_law", chosen)
 
-    def simulate(self, q0: Any, v0: Any, t_span: Any, **keywords: Any) -> Run:
-        """Simulate from coordinates and velocities; see `switchback_control.simulate` for the rest."""
+    def simulate(self, q0: Any, v0: Any, t_span: Any, *, states: Any = (), **keywords: Any) -> Run:
+        """Simulate from coordinates, velocities and the `states` beside them; see `switchback_control.simulate` for the rest."""
         from .integrator import simulate
 
-        x0 = numpy.concatenate([vector(q0, self.n_q, "q0"), vector(v0, self.n_v, "v0")])
-        return simulate(self.system(), x0, t_span, **keywords)
+        return simulate(self.system(), self._start(q0, v0, states), t_span, **keywords)
+
+    def _start(self, q0: Any, v0: Any, states: Any) -> numpy.ndarray:
+        sizes = (q0, self.n_q, "q0"), (v0, self.n_v, "v0"), (states, self.n_states, "states")
+        return numpy.concatenate([vector(value, n, what) for value, n, what in sizes])
 
     def freeze(
         self,

@@ -56,12 +56,13 @@ class Steps:
     """States after steps.
 
     t         [n] times, the first is the start
-    x         [n, nx] states: coordinates, then velocities
+    x         [n, nx] states: coordinates, velocities, then the states beside them
     impulses  [n, contacts, 3] impulses of the steps that end at these times: normal, then along the tangents there are;
               None if they were not asked for
     names     names of the contacts, in the order of the impulses
     stats     what it cost and how it went
     n_q       number of coordinates
+    n_v       number of velocities
     """
 
     t: Array
@@ -70,6 +71,7 @@ class Steps:
     names: tuple[str, ...]
     stats: StepStats
     n_q: int
+    n_v: int | None = None
 
     @property
     def q(self) -> Array:
@@ -79,7 +81,12 @@ class Steps:
     @property
     def v(self) -> Array:
         """[n, n_v] velocities."""
-        return self.x[:, self.n_q :]
+        return self.x[:, self.n_q :] if self.n_v is None else self.x[:, self.n_q : self.n_q + self.n_v]
+
+    @property
+    def states(self) -> Array:
+        """[n, n_states] states beside coordinates and velocities."""
+        return self.x[:, self.n_q + self.v.shape[1] :]
 
 
 class Stepper(Handle):
@@ -163,7 +170,7 @@ class Stepper(Handle):
         kept = numpy.empty((n, self.n_contacts, 3)) if impulses else None
         given = (None, 0) if kept is None else (address(kept), kept.size)
         self._long(lambda: self._do("run", end, every, address(times), n, address(states), states.size, *given))
-        return Steps(times, states, kept, self.contacts, self.stats, getattr(self, "_n_q", self.nx // 2))
+        return Steps(times, states, kept, self.contacts, self.stats, getattr(self, "_n_q", self.nx // 2), getattr(self, "_n_v", None))
 
     def _long(self, work: Any) -> None:
         if any(f._in_python for f in self._functions):
@@ -215,12 +222,14 @@ def simulate_steps(
     p: Any = None,
     every: int = 1,
     impulses: bool = False,
+    states: Any = (),
     **options: Any,
 ) -> Steps:
     """Simulate a scene with many contacts by time stepping, from coordinates `q0` and velocities `v0` over `t_span`: the
     end, or (start, end).
 
-    The state is kept after `every` steps, with the impulses if asked for. `u` are constant controls, `p` parameters; for
+    The state is kept after `every` steps, with the impulses if asked for. `u` are constant controls, `p` parameters, `states` the
+    states beside coordinates and velocities at the start; for
     further options see `Stepper`. The error is of order 1 in `h`; look at `stats.penetration` and compare two steps. For
     accurate simulation of a few contacts use `Scene.simulate`.
     """
@@ -230,9 +239,9 @@ def simulate_steps(
     if not isinstance(scene, Scene):
         raise ArgumentError(f"simulate_steps takes a scene, not {type(scene).__name__}: a Stepper takes systems of scenes too")
     start, end = _span(t_span)
-    x0 = numpy.concatenate([vector(q0, scene.n_q, "q0"), vector(v0, scene.n_v, "v0")])
+    x0 = scene._start(q0, v0, states)
     with Stepper(scene.system(), h, **options) as s:
-        s._n_q = scene.n_q
+        s._n_q, s._n_v = scene.n_q, scene.n_v
         if p is not None or s.np:
             s.set_params(p)
         if u is not None or s.nu:
