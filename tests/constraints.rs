@@ -1,7 +1,7 @@
 //! Constraints in scenes, against closed forms and minimal coordinates.
 
 use switchback::error::{Error, Result};
-use switchback::event::{Engine, Options, Outcome};
+use switchback::event::{Engine, Method, Options, Outcome};
 use switchback::expr::{Expr, Graph};
 use switchback::scene::{Constraint, Contact, Friction, Scene};
 use switchback::stepping::{self, Stepper};
@@ -127,6 +127,22 @@ fn a_point_on_a_rod_is_a_pendulum() {
     assert!(fine < 4e-3 && fine < 0.3 * coarse, "{coarse} {fine}");
 }
 
+/// Implicit methods differentiate the same equations.
+#[test]
+fn a_pendulum_by_an_implicit_method() {
+    let g = Graph::new();
+    let (a, p) = (2.0, [GRAVITY, 1.0]);
+    let t = quarter(a, GRAVITY);
+    let speed = (2.0 * GRAVITY * (1.0 - a.cos())).sqrt();
+    let mut o = Options::with_tolerance(1e-10, 1e-10);
+    o.method = Method::Radau5;
+    let mut e = Engine::new(&pendulum(&g, 1), &o).unwrap();
+    e.reinit(0.0, &at_angle(a, 1.0)).unwrap();
+    e.set_params(&p).unwrap();
+    e.advance(t).unwrap();
+    assert!(off(e.state(), &[0.0, -1.0, -speed, 0.0]) < 1e-7, "{:?}", e.state());
+}
+
 /// A skate on a slope turns with `ω` and goes nowhere down: `x = g/(2ω²) sin² ωt`, `y = g/(2ω²) (ωt − ½ sin 2ωt)`.
 #[test]
 fn a_skate_on_a_slope_does_not_come_down() {
@@ -178,6 +194,8 @@ fn constraints_have_impulses_where_contacts_close() {
         assert!(impulses.iter().any(|i| (i - rod).abs() < 1e-8), "{impulses:?}");
         let made = e.take_run();
         assert!(made.impacts.len() == 2 && made.contact_modes(0.05).unwrap() == [1, 0]);
+        // one contact has closed: both sides have the same derivatives
+        assert!(!made.one_sided && made.impacts.iter().all(|i| !i.simultaneous && i.unique), "{:?}", made.impacts);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Dry friction at joints, and contacts that stick by more than they slide with, against closed forms.
 
 use switchback::error::{Error, Result};
-use switchback::event::{Engine, Options, Outcome};
+use switchback::event::{Engine, Method, Options, Outcome};
 use switchback::expr::{Expr, Graph};
 use switchback::ocp::Ocp;
 use switchback::scene::{Constraint, Contact, Friction, Scene};
@@ -358,6 +358,94 @@ fn two_joints_on_one_axis() {
     let system = s.build(&g).unwrap().system;
     let e = run(&system, 1e-10, &[1.0, 0.0], &[], 20.0);
     assert!(off(e.state(), &[-0.1, 0.0]) < 1e-8, "{:?}", e.state());
+}
+
+/// A joint that has no friction is none, however often it comes to rest; and one that holds everything holds.
+#[test]
+fn no_friction_at_all_and_very_much() {
+    let g = Graph::new();
+    let none = slider(&g, 0, -g.x(0), Friction::new("guide", g.x(0), g.constant(0.0)));
+    let e = run(&none, 1e-10, &[1.0, 0.0], &[], 30.0);
+    assert!(off(e.state(), &[30f64.cos(), -30f64.sin()]) < 1e-7, "{:?}", e.state());
+    let much = slider(&g, 0, -g.x(0), Friction::new("guide", g.x(0), g.constant(1e9)));
+    let e = run(&much, 1e-10, &[1.0, 1.0], &[], 30.0);
+    assert!(off(e.state(), &[1.0, 0.0]) < 1e-8, "{:?}", e.state());
+}
+
+/// Stiff damping needs an implicit method: a fast dashpot in series is a friction with a soft start.
+#[test]
+fn stick_slip_by_an_implicit_method() {
+    let g = Graph::new();
+    let (f, f_s, v) = (0.6, 1.0, 0.5);
+    let friction = Friction { stiction: Some(g.p(1).id()), ..Friction::new("belt", g.x(0), g.p(0)) };
+    let system = slider(&g, 3, g.p(2) * g.t() - g.x(0), friction);
+    let mut o = Options::with_tolerance(1e-9, 1e-9);
+    o.method = Method::Radau5;
+    let mut e = Engine::new(&system, &o).unwrap();
+    e.reinit(0.0, &[0.0, 0.0]).unwrap();
+    e.set_params(&[f, f_s, v]).unwrap();
+    e.advance(20.0).unwrap();
+    let times: Vec<f64> = e.switches().iter().map(|s| s.t).collect();
+    let expected = stick_slip(f, f_s, v, 5);
+    let n = expected.iter().filter(|t| **t < 20.0).count();
+    assert!(off(&times, &expected[..n]) < 1e-6, "{times:?} {expected:?}");
+}
+
+/// Carts on a line, with springs, buffers that close, and friction in wheels and between carts: events against steps.
+#[test]
+fn events_and_steps_agree_on_random_carts() {
+    let mut seed = 7u64;
+    let mut random = move || {
+        seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (seed >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let (mut switched, mut struck) = (0, 0);
+    for case in 0..120 {
+        let n = 2 + case % 3;
+        let g = Graph::new();
+        let mut s = Scene::new("carts", n, n, 0, 0).unwrap();
+        let masses: Vec<f64> = (0..n).map(|_| 0.5 + random()).collect();
+        let entries: Vec<_> =
+            (0..n * n).map(|k| g.constant(if k / n == k % n { masses[k % n] } else { 0.0 }).id()).collect();
+        s.set_inertia(&entries).unwrap();
+        for i in 0..n {
+            let (k, at, w) = (0.5 + 3.0 * random(), i as f64 + 0.6 * (random() - 0.5), 1.0 + 2.0 * random());
+            let drive = 1.5 * random() * (w * g.t()).sin();
+            s.set_force(i, (-k * (g.x(i) - at) + drive).id()).unwrap();
+            let bound = 0.1 + 0.5 * random();
+            let more = (random() < 0.5).then(|| g.constant(bound * (1.0 + random())).id());
+            s.add_friction(Friction {
+                stiction: more,
+                ..Friction::new(&format!("wheel {i}"), g.x(i), g.constant(bound))
+            })
+            .unwrap();
+        }
+        for i in 1..n {
+            let gap = g.x(i) - g.x(i - 1) - (0.6 + 0.3 * random());
+            s.add_contact(Contact::new(&g, &format!("buffer {i}"), gap)).unwrap();
+            if random() < 0.4 {
+                let belt = g.constant(0.3 * random());
+                s.add_friction(Friction::new(&format!("belt {i}"), g.x(i) - g.x(i - 1), belt)).unwrap();
+            }
+        }
+        let system = s.build(&g).unwrap().system;
+        let mut x0: Vec<f64> = (0..n).map(|i| 1.1 * i as f64).collect();
+        x0.extend((0..n).map(|_| 2.0 * (random() - 0.5)));
+        let t = 3.0;
+        let e = run(&system, 1e-9, &x0, &[], t);
+        switched += e.switches().len();
+        struck += e.impacts().len();
+        let steps = |h: f64| {
+            let mut st =
+                Stepper::new(&system, &stepping::Options { h, tolerance: 1e-10, ..Default::default() }).unwrap();
+            st.reset(0.0, &x0).unwrap();
+            st.advance(t).unwrap();
+            off(st.state(), e.state())
+        };
+        let (coarse, fine) = (steps(2e-3), steps(1e-4));
+        assert!(fine < 2e-2 && fine < 0.5 * coarse.max(1e-3), "{case}: {coarse} {fine}");
+    }
+    assert!(switched > 200 && struck > 20, "{switched} {struck}");
 }
 
 /// Bounds that depend on controls and time; a control that changes frees what stuck.

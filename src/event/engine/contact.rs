@@ -415,7 +415,7 @@ impl Engine {
             self.bring_together()?;
         }
         self.enter()?;
-        let several = self.log.impacts.len() - start > 1;
+        let several = self.log.impacts[start..].iter().filter(|i| self.opens(i.contact)).count() > 1;
         self.log.impacts[start..].iter_mut().for_each(|i| i.simultaneous = several);
         let met = match together {
             Some((orders, meeting, before)) => self.differentiate_meeting(&meeting, orders, before, start)?,
@@ -797,7 +797,8 @@ impl Engine {
                 let speed = b.sliding[0].hypot(b.sliding[1]);
                 // in space a velocity that the tolerances do not see has no direction that friction could go by
                 let still = if n_t == 2 { c.unseen_slide(i, at, (rtol, atol)) } else { 0.0 };
-                let rests = stops || sticks || speed <= still.max(AT_REST * size) || c.dynamics.carried[i];
+                let carried = c.dynamics.carried[i] && !pushed;
+                let rests = stops || sticks || speed <= still.max(AT_REST * size) || carried;
                 *creeps |= rests && speed > AT_REST * size;
                 out.push(Closed { contact: i, rests });
                 likely.extend((!rests && speed <= STILL * size).then_some(out.len() - 1));

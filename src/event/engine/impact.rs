@@ -225,7 +225,8 @@ impl Engine {
         let noise = 64.0 * EPS * parts.iter().map(largest).fold(0.0, f64::max);
         for p in parts.iter().filter(|p| largest(p) > noise.max(p.noise)) {
             self.log.stats.impacts += 1;
-            let (depth, tolerance) = self.depth(p.contact, p.rates[0]);
+            // a constraint has an impulse because of others
+            let (depth, tolerance) = if self.opens(p.contact) { self.depth(p.contact, p.rates[0]) } else { (0.0, 0.0) };
             // whether there is an impact at all is a matter of the tolerances
             self.log.one_sided |= depth < GRAZES * tolerance && kind == ImpactKind::Collision;
             if self.log.impacts.len() < self.options.max_log {
@@ -244,6 +245,11 @@ impl Engine {
                 });
             }
         }
+    }
+
+    /// Is it a contact that can open?
+    pub(super) fn opens(&self, contact: usize) -> bool {
+        self.field.scene().is_none_or(|c| c.dynamics.opens(contact))
     }
 
     /// How far the bodies would overlap without an impact of contact `i` that closes at this rate, and what of it the
