@@ -413,12 +413,8 @@ fn events_and_steps_agree_on_random_carts() {
             let drive = 1.5 * random() * (w * g.t()).sin();
             s.set_force(i, (-k * (g.x(i) - at) + drive).id()).unwrap();
             let bound = 0.1 + 0.5 * random();
-            let more = (random() < 0.5).then(|| g.constant(bound * (1.0 + random())).id());
-            s.add_friction(Friction {
-                stiction: more,
-                ..Friction::new(&format!("wheel {i}"), g.x(i), g.constant(bound))
-            })
-            .unwrap();
+            // joints that share a load at will stick by one bound here: with a larger one the share would matter
+            s.add_friction(Friction::new(&format!("wheel {i}"), g.x(i), g.constant(bound))).unwrap();
         }
         for i in 1..n {
             let gap = g.x(i) - g.x(i - 1) - (0.6 + 0.3 * random());
