@@ -201,7 +201,7 @@ class Scene(_ContactSystem):
         qs = split(q, "q")
         vs = [f"v_{n}" if n else "" for n in qs] if v is None else split(v, "v")
         zs, us, ps = split(states, "states"), split(u, "u"), split(p, "p")
-        self.names = [qs, vs, zs, us, ps]
+        self.names = [qs, vs, *([zs] if zs else []), us, ps]
         self.n_q, self.n_v, self.n_states = len(qs), len(vs), len(zs)
         if not self.n_q or not self.n_v:
             raise DimensionError("a scene needs at least one coordinate and one velocity")
