@@ -34,8 +34,8 @@ const TINY: f64 = f64::MIN_POSITIVE / EPS;
 const ZERO: f64 = 8.0;
 /// Residuals that no correction makes smaller are rounding up to so many of them.
 const STUCK: f64 = 1e5;
-/// Corrections of an unknown below this part of the largest one in its block are rounding.
-const NOISE: f64 = 1e3 * EPS;
+/// An unknown below this part of the largest one in its block does not decide whether a correction is good.
+const SMALL: f64 = 1e-2;
 /// A correction falls to this part at least, or the derivatives are evaluated anew.
 const FAST: f64 = 0.25;
 /// Shortest part that is taken of a correction, and of an algebraic state.
@@ -607,7 +607,7 @@ impl Algebraic {
         for b in &self.blocks {
             let largest = b.unknowns.iter().map(|i| s.weights[*i] * s.units[*i]).fold(0.0, f64::max);
             for i in &b.unknowns {
-                let floor = NOISE * if largest > 0.0 { largest } else { 1.0 } / s.units[*i];
+                let floor = SMALL * if largest > 0.0 { largest } else { 1.0 } / s.units[*i];
                 s.weights[*i] = 1.0 / s.weights[*i].max(floor);
             }
         }

@@ -465,6 +465,17 @@ impl Engine {
         }
     }
 
+    /// Why modes in the equations follow each other without end, where transition `guard` changes one.
+    pub(super) fn endless_modes(&self, guard: usize) -> Option<String> {
+        let a = self.algebraic.as_ref().filter(|a| a.is_own(guard))?;
+        let state = self.field.guards.all[guard].transition.from.first()?.0;
+        let k = a.own_subsystems[state - a.nx];
+        Some(format!(
+            "no mode of subsystem {k}, which switches inside of the algebraic equations, agrees with their solution under it: each leads to \
+             another. Nothing slides in an equation: give the state that switches a derivative, or simulate the system with finite elements"
+        ))
+    }
+
     /// Transition `guard` is made: what it is in the log. Nothing, if it is one of the system.
     pub(super) fn log_own(&mut self, guard: usize, rate: f64) -> bool {
         let Some(a) = self.algebraic.as_ref().filter(|a| a.is_own(guard)) else { return false };

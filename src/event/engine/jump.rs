@@ -237,7 +237,7 @@ impl Engine {
                 self.unmade = true;
                 break;
             }
-            if let Some(text) = cascade.endless(g, &self.x) {
+            if let Some(text) = cascade.endless(g, &self.x).map(|text| self.endless_modes(g).unwrap_or(text)) {
                 self.fail(Outcome::NoContinuation, text);
                 return Ok(());
             }
