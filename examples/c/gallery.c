@@ -277,8 +277,9 @@ static swb_ocp *stick_slip_2(struct sizes n)
 static swb_ocp *two_genes(struct sizes n)
 {
     const expr a = state(0), b = state(1), inducer = control(0), x[] = {a, b};
-    const expr make_a = times(40.0, on(both(above(a, 4.0), below(b, 8.0))));
-    const expr make_b = times(40.0, on(both(below(a, 8.0), above(b, 4.0))));
+    /* one by one: in which order arguments are evaluated is up to the compiler, and the order of switching functions is that of the model */
+    const expr much_a = above(a, 4.0), little_b = below(b, 8.0), make_a = times(40.0, on(both(much_a, little_b)));
+    const expr little_a = below(a, 8.0), much_b = above(b, 4.0), make_b = times(40.0, on(both(little_a, much_b)));
     const expr rhs[] = {add(sub(make_a, times(4.5, a)), inducer), sub(make_b, times(1.5, b))};
     const double start[] = {5.0, 5.0}, u_most = 40.0, u_least = 0.0, small = 0.001, zero = 0.0;
     const double ones[] = {1.0, 1.0}, goal[] = {8.5, 0.0};
