@@ -2,6 +2,7 @@
 
 use crate::func::{EvalError, EvalResult, Point};
 use crate::linalg::cholesky;
+use crate::linalg::forest::{join, root};
 use crate::system::{Inertia, Mechanics};
 
 /// A factored inertia matrix: the lower factors of Cholesky of its blocks, one after the other, row-major.
@@ -25,18 +26,8 @@ impl Blocks {
     /// definite.
     pub(super) fn new(m: &Mechanics) -> Option<Blocks> {
         let n = m.n_v;
-        let mut parent: Vec<usize> = (0..n).collect();
-        fn root(parent: &mut [usize], mut i: usize) -> usize {
-            while parent[i] != i {
-                parent[i] = parent[parent[i]];
-                i = parent[i];
-            }
-            i
-        }
-        let mut couple = |i: usize, j: usize| {
-            let (a, b) = (root(&mut parent, i), root(&mut parent, j));
-            parent[a.max(b)] = a.min(b);
-        };
+        let mut forest: Vec<usize> = (0..n).collect();
+        let mut couple = |i: usize, j: usize| join(&mut forest, i, j);
         match &m.inertia {
             Inertia::Identity => {}
             Inertia::Constant(a) => {
@@ -45,7 +36,7 @@ impl Blocks {
             // entries that are constant and not zero cannot be told from others before the matrix was evaluated
             Inertia::Varying { .. } => (1..n).for_each(|i| couple(0, i)),
         }
-        let roots: Vec<usize> = (0..n).map(|i| root(&mut parent, i)).collect();
+        let roots: Vec<usize> = (0..n).map(|i| root(&mut forest, i)).collect();
         let mut blocks = Blocks {
             of: vec![0; n],
             place: vec![0; n],

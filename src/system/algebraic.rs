@@ -24,6 +24,7 @@ use super::{Regions, SharedFunction, System};
 use crate::error::{Error, Result};
 use crate::func::{Dims, EvalError, EvalResult, Point};
 use crate::linalg::csc::Pattern;
+use crate::linalg::forest::{join, root};
 use crate::linalg::lu::Lu;
 
 /// Rounding.
@@ -148,12 +149,13 @@ pub(super) struct Loop {
 }
 
 impl Loop {
-    /// Switching functions or indicators, and whether a mode has its region where they have these values, up to these roundings.
+    /// Switching functions, or indicators.
     pub(super) fn functions(&self) -> &SharedFunction {
         let (Regions::Signs { psi: f, .. } | Regions::Indicators(f)) = &self.regions;
         f
     }
 
+    /// Has a mode its region where the functions have these values, up to these roundings?
     fn is_inside(&self, mode: usize, v: &[f64], rounding: &[f64]) -> bool {
         match &self.regions {
             Regions::Signs { signs, .. } => {
@@ -754,19 +756,11 @@ impl Algebraic {
 fn blocks(jac: &Pattern, nd: usize, nz: usize) -> Result<(Vec<Block>, Vec<usize>)> {
     // representatives of equations, and of unknowns behind them
     let mut chief: Vec<usize> = (0..2 * nz).collect();
-    fn find(chief: &mut [usize], mut i: usize) -> usize {
-        while chief[i] != i {
-            chief[i] = chief[chief[i]];
-            i = chief[i];
-        }
-        i
-    }
     let mut used = vec![false; 2 * nz];
     for c in 0..nz {
         for &r in jac.rows(nd + c) {
             (used[r], used[nz + c]) = (true, true);
-            let (a, b) = (find(&mut chief, r), find(&mut chief, nz + c));
-            chief[a.max(b)] = a.min(b);
+            join(&mut chief, r, nz + c);
         }
     }
     let higher = "the equations are not of index 1. Differentiate those without algebraic states until they contain one, or simulate the \
@@ -781,7 +775,7 @@ fn blocks(jac: &Pattern, nd: usize, nz: usize) -> Result<(Vec<Block>, Vec<usize>
     let mut out: Vec<Block> = Vec::new();
     let mut block_of = vec![0; nz];
     for i in 0..2 * nz {
-        let a = find(&mut chief, i);
+        let a = root(&mut chief, i);
         if number[a] == usize::MAX {
             number[a] = out.len();
             out.push(Block {

@@ -10,6 +10,8 @@ pub mod csc;
 #[doc(hidden)]
 pub mod dense;
 #[doc(hidden)]
+pub mod forest;
+#[doc(hidden)]
 pub mod kkt;
 mod krylov;
 #[doc(hidden)]

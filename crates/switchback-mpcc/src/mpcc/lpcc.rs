@@ -12,6 +12,7 @@ use super::certificate::{Local, HIDDEN};
 use crate::error::Result;
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::{mul_add, mul_add_transposed, Pattern};
+use crate::linalg::forest::{join, root};
 use crate::linalg::kkt::LinearStats;
 use crate::nlp::{within, Bounds, Control, Ipm, IpmSettings, Iterate, Monotone, Nlp, Outcome, Start, INFINITE};
 
@@ -475,23 +476,4 @@ pub(super) fn rounding(p: &Local) -> f64 {
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Root of the tree of `v`.
-fn root(forest: &[usize], mut v: usize) -> usize {
-    while forest[v] != v {
-        v = forest[v];
-    }
-    v
-}
-
-/// Joins two trees, and shortens the paths walked.
-fn join(forest: &mut [usize], u: usize, v: usize) {
-    let (a, b) = (root(forest, u), root(forest, v));
-    let top = a.min(b);
-    for mut w in [u, v] {
-        while forest[w] != top {
-            w = std::mem::replace(&mut forest[w], top);
-        }
-    }
 }
