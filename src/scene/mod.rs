@@ -637,33 +637,30 @@ impl Builder<'_> {
             }
             Part::Constraint(c) => {
                 let what = format!("constraint {}", c.name);
-                self.check_smooth(&what, c.zero)?;
-                self.check_beside(&what, c.zero)?;
-                if self.depends(c.zero, Block::U, 0) {
-                    return Err(Error::Range(format!(
-                        "{what}, {}, depends on controls: it may depend on coordinates, velocities, parameters and time",
-                        self.text(c.zero)
-                    )));
-                }
+                self.check_moved(&what, c.zero)?;
                 Stated { contact: alone(&c.name, c.zero), kind: Kind::Bilateral, stiction: None }
             }
         };
         self.shaped(&stated, rates)
     }
 
+    /// Refuses what is no smooth expression of what moves: coordinates, velocities, parameters and time.
+    fn check_moved(&self, what: &str, id: Id) -> Result<()> {
+        self.check_smooth(what, id)?;
+        self.check_beside(what, id)?;
+        if self.depends(id, Block::U, 0) {
+            return Err(Error::Range(format!(
+                "{what}, {}, depends on controls: it may depend on coordinates, velocities, parameters and time",
+                self.text(id)
+            )));
+        }
+        Ok(())
+    }
+
     /// Checks the expressions of dry friction.
     fn check_friction(&self, f: &Friction) -> Result<()> {
         let name = &f.name;
-        let what = format!("what slides at joint {name}");
-        self.check_smooth(&what, f.sliding)?;
-        self.check_beside(&what, f.sliding)?;
-        if self.depends(f.sliding, Block::U, 0) {
-            return Err(Error::Range(format!(
-                "what slides at joint {name}, {}, depends on controls: it may depend on coordinates, velocities, parameters \
-                 and time",
-                self.text(f.sliding)
-            )));
-        }
+        self.check_moved(&format!("what slides at joint {name}"), f.sliding)?;
         let bounds = [Some(f.bound), f.stiction];
         for bound in bounds.into_iter().flatten() {
             self.check_smooth(&format!("the bound of friction {name}"), bound)?;
