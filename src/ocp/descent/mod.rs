@@ -4,6 +4,7 @@
 mod shooting;
 mod sqp;
 
+use super::candidates::agree;
 use super::optimality::Verdict;
 use super::solve::Built;
 use super::{Ocp, OcpResult};
@@ -25,9 +26,6 @@ const MET: f64 = 1e-4;
 const NEARLY: f64 = 0.1;
 /// Gain, relative to the cost, that counts as none.
 const NONE: f64 = 1e-6;
-
-/// Difference of the cost of an answer from that of its simulation, relative, above which a descent says nothing of it.
-const SAME: f64 = 1e-3;
 
 /// A descent from an answer.
 pub(super) struct Descent {
@@ -67,8 +65,7 @@ impl Ocp {
         let mut still = None;
         if found.gain <= NONE {
             // a cost that simulations do not confirm is certified by nothing
-            let own = r.priced;
-            if (found.before - own).abs() > SAME * found.before.abs().max(own.abs()) {
+            if !agree(found.before, r.priced) {
                 return Ok(None);
             }
             still = Some(match (found.stationary, found.kink) {
