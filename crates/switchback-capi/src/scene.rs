@@ -132,15 +132,7 @@ pub unsafe extern "C" fn swb_scene_create(
     names: *const c_char,
     out: *mut *mut swb_scene,
 ) -> swb_status {
-    guard(|| unsafe {
-        handle::create(out, |_| {
-            let (n_q, n_v) = (size(n_q, "n_q")?, size(n_v, "n_v")?);
-            let (nu, np) = (size(nu, "nu")?, size(np, "np")?);
-            let mut scene = Scene::new(raw::text(name, "name")?, n_q, n_v, nu, np)?;
-            set_names(&mut scene, names, [n_q + n_v, nu, np])?;
-            Ok(SceneObject::new(scene))
-        })
-    })
+    unsafe { swb_scene_create_with_states(name, n_q, n_v, 0, nu, np, names, out) }
 }
 
 /// Create a scene that has states z beside coordinates and velocities, z' = h(q, v, z, u, p, t): currents of motors, controllers,
