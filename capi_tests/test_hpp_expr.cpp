@@ -253,6 +253,20 @@ static void joints() {
     slower.advance(1.0);
     CHECK(near(slower.state()[1], 1.0 - 0.5 * (1.0 - std::exp(-1.0)), 1e-9));
 
+    // a relay holds the current of a motor, which drives a joint towards a far stop
+    swb::Scene motor("x", "", "", "", "motor", "z");
+    motor.force({motor.state(0)});
+    motor.state_rates({2.0 * sign(1.0 - motor.state(0)) - motor.state(0)});
+    motor.friction("gear", motor.q(0), 0.3);
+    motor.contact("stop", 5.0 - motor.q(0));
+    const swb::System driven = motor.system();
+    swb::Integrator runs(driven, settings);
+    runs.reinit(0.0, {0.0, 0.0, 0.0});
+    runs.advance(2.0);
+    const double t1 = -std::log(0.85), t2 = std::log(2.0);
+    const double end = 1.7 * (t2 - t1) + 2.0 * (std::exp(-t2) - std::exp(-t1)) + 0.7 * (2.0 - t2);
+    CHECK(near(runs.state()[1], end, 1e-9) && near(runs.state()[2], 1.0, 1e-10));
+
     swb::Scene block("x y");
     block.force({block.t(), block.constant(-1.0)});
     const int64_t floor = block.contact("floor", block.q(1), {block.q(0)}, 0.3);

@@ -524,9 +524,75 @@ static void states(void)
     swb_expr_free(graph);
 }
 
+/* A relay holds the current of a motor, z' = -z + 2 sign(1 - z), which drives a joint of friction 0.3 towards a far stop. */
+static void switches(void)
+{
+    const double start[3] = {0.0, 0.0, 0.0}, numbers[4] = {1.0, 2.0, 0.3, 5.0}, at[2] = {0.5, 1.5};
+    const double t1 = -log(0.85), t2 = log(2.0);
+    int64_t x[3], c[4], psi, on, rate, gap, modes[6];
+    double state[3], forces[18];
+    int32_t outcome;
+    char text[600];
+    swb_expr *graph = NULL;
+    swb_scene *scene = NULL;
+    swb_system *system = NULL;
+    swb_integrator *integrator = NULL;
+    swb_run *run = NULL;
+    swb_stepper *stepper = NULL;
+    CHECK_OK(swb_expr_create(&graph));
+    CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 3));
+    CHECK_OK(swb_expr_constants(graph, numbers, 4, c, 4));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_SUB, &c[0], &x[2], NULL, &psi, 1));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_SIGN, &psi, NULL, NULL, &on, 1));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_MUL, &c[1], &on, NULL, &on, 1));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_SUB, &on, &x[2], NULL, &rate, 1));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_SUB, &c[3], &x[0], NULL, &gap, 1));
+    CHECK_OK(swb_scene_create_with_states("motor", 1, 1, 1, 0, 0, "x\nv\nz", &scene));
+    CHECK_OK(swb_scene_set_force(scene, graph, &x[2], 1));
+    CHECK_OK(swb_scene_set_state_rates(scene, graph, &rate, 1));
+    CHECK_OK(swb_scene_add_friction(scene, graph, "gear", x[0], c[2], -1, NULL));
+    CHECK_OK(swb_scene_add_contact(scene, graph, "stop", gap, NULL, 0, -1, -1, NULL));
+    CHECK_OK(swb_scene_build(scene, graph));
+    CHECK_OK(swb_scene_report(scene, 1, text, sizeof text, NULL));
+    CHECK(strstr(text, "\"kind\":\"switch\"") && strstr(text, "switch at 1 - z = 0"));
+    CHECK_OK(swb_scene_system(scene, &system));
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_set_double(integrator, "rtol", 1e-11));
+    CHECK_OK(swb_integrator_set_double(integrator, "atol", 1e-11));
+    CHECK_OK(swb_integrator_set_string(integrator, "dense", "on"));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, start, 3));
+    CHECK_OK(swb_integrator_advance(integrator, 2.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_OK(swb_integrator_get_state(integrator, state, 3));
+    CHECK_NEAR(state[1], 1.7 * (t2 - t1) + 2.0 * (exp(-t2) - exp(-t1)) + 0.7 * (2.0 - t2), 1e-9);
+    CHECK_NEAR(state[2], 1.0, 1e-10);
+    CHECK_OK(swb_integrator_get_run(integrator, &run));
+    CHECK_OK(swb_run_contact_modes(run, at, 2, modes, 6));
+    CHECK(modes[2] == SWB_CONTACT_MODE_SLIDES && modes[5] == SWB_CONTACT_MODE_CLOSED && modes[0] == SWB_CONTACT_MODE_SLIDES);
+    CHECK_OK(swb_run_contact_forces(run, at, 2, forces, 18));
+    CHECK_NEAR(forces[7], 1.0, 1e-12);
+    CHECK_NEAR(forces[16], 0.5, 1e-9);
+    /* what does not follow switches says so, and a condition is no force */
+    REFUSED(SWB_ERR_UNSUPPORTED, swb_stepper_create(system, NULL, &stepper), "switch at 1 - z = 0");
+    CHECK(stepper == NULL);
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_POSITIVE, &psi, NULL, NULL, &on, 1));
+    CHECK_OK(swb_scene_set_force(scene, graph, &on, 1));
+    REFUSED(SWB_ERR_RANGE, swb_scene_build(scene, graph), "is a condition");
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_SIGN, &gap, NULL, NULL, &gap, 1));
+    CHECK_OK(swb_scene_set_force(scene, graph, &x[2], 1));
+    CHECK_OK(swb_scene_add_contact(scene, graph, "jump", gap, NULL, 0, -1, -1, NULL));
+    REFUSED(SWB_ERR_UNSUPPORTED, swb_scene_build(scene, graph), "only forces and the rates");
+    swb_run_free(run);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    swb_scene_free(scene);
+    swb_expr_free(graph);
+}
+
 int main(void)
 {
     bounces();
+    switches();
     joints();
     states();
     slides();

@@ -1592,15 +1592,15 @@ enum swb_contact_mode
      */
     SWB_CONTACT_MODE_OPEN = 0,
     /**
-     * Closed; with friction, sticking.
+     * Closed; with friction, sticking. Of a switch: its function stays at zero.
      */
     SWB_CONTACT_MODE_CLOSED = 1,
     /**
-     * Sliding: in the plane along the tangent, in space in any direction.
+     * Sliding: in the plane along the tangent, in space in any direction. Of a switch: its function is positive.
      */
     SWB_CONTACT_MODE_SLIDES = 2,
     /**
-     * Sliding against the tangent, in the plane.
+     * Sliding against the tangent, in the plane. Of a switch: its function is negative.
      */
     SWB_CONTACT_MODE_SLIDES_BACK = 3,
 };
@@ -6037,7 +6037,7 @@ swb_status swb_scene_set_inertia(struct swb_scene *scene,
                                  int64_t n);
 
 /**
- * Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact forces, smooth expressions.
+ * Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact forces. They may switch; switches are listed behind the contacts.
  *
  * @param[in] graph the graph of the expressions
  * @param[in] force [n] n_v expressions
@@ -6050,7 +6050,7 @@ swb_status swb_scene_set_force(struct swb_scene *scene,
                                int64_t n);
 
 /**
- * Set the rates of the states beside coordinates and velocities, smooth expressions of states, controls, parameters and time.
+ * Set the rates of the states beside coordinates and velocities, expressions of states, controls, parameters and time, which may switch.
  *
  * @param[in] graph the graph of the expressions
  * @param[in] rates [n] n_z expressions
@@ -6252,8 +6252,8 @@ swb_status swb_run_contact_modes(const struct swb_run *run,
  *
  * @param[in]  t      [n_t] times within the run
  * @param[out] forces [n] n_t times n_scene_contacts times 3: the normal force and those along the tangents, zero where the
- *                    contact is open or has no tangents; of dry friction at a joint zero and the friction; the contacts of the
- *                    first time first
+ *                    contact is open or has no tangents; of dry friction at a joint zero and the friction; of a switch zero and
+ *                    its weight, 1, -1 or between; the contacts of the first time first
  * @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene, or for want of dense output; SWB_ERR_RANGE for times
  *         outside; SWB_ERR_DIMENSION
  */

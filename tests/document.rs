@@ -421,8 +421,20 @@ fn contacts_are_no_part_of_documents_yet() {
     let smooth = Arc::new(g.function("fall", Dims { x: 2, u: 0, p: 0 }, &[g.x(1), g.constant(-9.81)]).unwrap());
     let (inertia, law) = (Inertia::Identity, ImpactLaw::Newton);
     let (order, contacts, bounds) = (Order::Second, vec![], vec![]);
-    let mechanics =
-        Mechanics { order, n_q: 1, n_v: 1, n_z: 0, smooth, inertia, contacts, law, bounds, projection: None };
+    let mechanics = Mechanics {
+        order,
+        n_q: 1,
+        n_v: 1,
+        n_z: 0,
+        n_switches: 0,
+        products: Vec::new(),
+        smooth,
+        inertia,
+        contacts,
+        law,
+        bounds,
+        projection: None,
+    };
     let s = Simulation {
         system: System::of_mechanics(mechanics, 0, 0).unwrap(),
         settings: Settings::default(),

@@ -340,7 +340,7 @@ static void joints(swb_scene *scene, swb_expr *graph, const int64_t *x, const in
 static void bearing(const swb_settings *s)
 {
     static const double start[3] = {0.0, 1.0, 0.5};
-    int64_t x[3];
+    int64_t x[3], on;
     int32_t outcome;
     swb_expr *graph = NULL;
     swb_scene *scene = NULL;
@@ -352,7 +352,10 @@ static void bearing(const swb_settings *s)
     if (!DO(swb_scene_create_with_states, "bearing", 1, 1, 1, 0, 0, NULL, &scene))
         return;
     pool_add(T_swb_scene, scene);
-    DO(swb_scene_set_force, scene, graph, &x[2], 1);
+    /* the force switches with the velocity */
+    if (!DO(swb_expr_apply, graph, SWB_OPERATOR_SIGN, &x[1], NULL, NULL, &on, 1))
+        return;
+    DO(swb_scene_set_force, scene, graph, &on, 1);
     DO(swb_scene_set_state_rates, scene, graph, &x[1], 1);
     DO(swb_scene_add_friction, scene, graph, "bearing", x[0], x[2], -1, NULL);
     if (!DO(swb_scene_build, scene, graph) || !DO(swb_scene_system, scene, &system))

@@ -33,6 +33,10 @@ pub(crate) struct Block {
     /// `ṡ − Bᵀ v̇`.
     pub(super) sliding_rest: [f64; 2],
     pub(super) tangents: Vec<f64>,
+    /// Of a switch: what it pushes along, zero where its weight is given, and the gradient of its switching function with respect to
+    /// states and time. Empty for others.
+    push: Vec<f64>,
+    gradient: Vec<f64>,
 }
 
 impl Block {
@@ -73,6 +77,29 @@ impl Block {
         } else {
             self.tangent(k - 1)
         }
+    }
+
+    /// The column along which the force of component `k` pushes: its row, but for switches.
+    pub(super) fn column(&self, k: usize) -> &[f64] {
+        if k == 1 && !self.push.is_empty() {
+            &self.push
+        } else {
+            self.row(k)
+        }
+    }
+
+    /// What a sliding velocity, or a switching function, consists of before anything cancels, at a state whose entries count as no less than
+    /// `floor`; coordinates are the first `n_q` of them.
+    pub(crate) fn sliding_size(&self, n_q: usize, (t, x): (f64, &[f64]), floor: &[f64]) -> f64 {
+        if let Some((of_time, of_states)) = self.gradient.split_last() {
+            let terms = of_states.iter().zip(x.iter().zip(floor)).map(|(g, (x, f))| g.abs() * (x.abs() + f));
+            return (terms.sum::<f64>() + (of_time * t).abs()).max(self.sliding[0].abs());
+        }
+        let row = |k: usize| {
+            let states = x[n_q..].iter().zip(&floor[n_q..]);
+            self.tangent(k).iter().zip(states).map(|(g, (v, f))| g.abs() * (v.abs() + f)).sum::<f64>()
+        };
+        (0..self.n_tangents()).map(row).fold(0.0, f64::max)
     }
 
     /// Second derivative of component `k` without accelerations.
@@ -125,8 +152,10 @@ pub(crate) struct Dynamics {
     /// `M⁻¹` times the force directions of the rows, one after the other.
     pub(super) y: Vec<f64>,
     pub(super) held: LeastNorm,
-    /// Contacts without a normal: dry friction at joints.
+    /// Contacts without a normal: dry friction at joints, switches.
     joints: Vec<usize>,
+    /// Weights of the switches: signs, or 0 where they are found with the forces.
+    pub(super) weights: Vec<f64>,
     /// Contacts of which nothing but the sliding velocity changes: flat, with tangents that are straight.
     flat: Vec<bool>,
     /// Modes whose rows and matrix are those that are kept, where nothing of them changes; empty: none.
@@ -167,8 +196,16 @@ impl Dynamics {
         let m = mechanics.as_ref();
         let n_v = m.n_v;
         let most: usize = m.contacts.iter().map(|c| 1 + c.n_tangents).sum();
-        let block =
-            |c: &Contact| Block { normal: vec![0.0; n_v], tangents: vec![0.0; c.n_tangents * n_v], ..Block::default() };
+        let block = |c: &Contact| {
+            let (push, gradient) = if c.kind == Kind::Switch { (n_v, m.n_states() + 1) } else { (0, 0) };
+            Block {
+                normal: vec![0.0; n_v],
+                tangents: vec![0.0; c.n_tangents * n_v],
+                push: vec![0.0; push],
+                gradient: vec![0.0; gradient],
+                ..Block::default()
+            }
+        };
         let (mut buffer, mut work) = (n_v, 0);
         let mut note = |f: &dyn Function| {
             buffer = buffer.max(f.n_out()).max(f.jac_pattern().nnz());
@@ -201,7 +238,8 @@ impl Dynamics {
             rows: Vec::with_capacity(some),
             y: Vec::with_capacity(some * n_v),
             held: LeastNorm::with_capacity(some),
-            joints: (0..m.contacts.len()).filter(|i| m.contacts[*i].kind == Kind::Joint).collect(),
+            joints: (0..m.contacts.len()).filter(|i| m.contacts[*i].kind.has_no_normal()).collect(),
+            weights: vec![0.0; m.n_switches],
             flat: m.contacts.iter().map(|c| is_flat(c, n_v)).collect(),
             kept: Vec::with_capacity(m.contacts.len()),
             lambda: Vec::with_capacity(some),
@@ -228,14 +266,47 @@ impl Dynamics {
         self.mechanics.order == Order::First
     }
 
-    /// Is there dry friction at joints?
+    /// Are there contacts without a normal?
     pub(crate) fn has_joints(&self) -> bool {
         !self.joints.is_empty()
     }
 
     /// Has contact `i` no normal?
     pub(crate) fn is_joint(&self, i: usize) -> bool {
-        self.mechanics.contacts[i].kind == Kind::Joint
+        self.mechanics.contacts[i].kind.has_no_normal()
+    }
+
+    /// Is contact `i` a switch?
+    pub(crate) fn is_switch(&self, i: usize) -> bool {
+        self.mechanics.contacts[i].kind == Kind::Switch
+    }
+
+    /// Number of contact `i` among the switches, if it is one.
+    pub(super) fn switch(&self, i: usize) -> Option<usize> {
+        i.checked_sub(self.n_contacts() - self.weights.len())
+    }
+
+    /// Gives the switches the weights of these modes.
+    pub(super) fn weigh(&mut self, modes: &[Vec<usize>]) {
+        let first = self.n_contacts() - self.weights.len();
+        for (w, set) in self.weights.iter_mut().zip(&modes[first..]) {
+            *w = match set[0] {
+                mode::SLIDES => 1.0,
+                mode::SLIDES_BACK => -1.0,
+                _ => 0.0,
+            };
+        }
+    }
+
+    /// The parameters of functions that depend on the weights of switches; those of the system where there are none.
+    pub(super) fn weighted<'a>(weights: &[f64], room: &'a mut Vec<f64>, at: &At<'a>) -> At<'a> {
+        if weights.is_empty() {
+            return *at;
+        }
+        room.clear();
+        room.extend_from_slice(at.p);
+        room.extend_from_slice(weights);
+        Point { p: room, ..*at }
     }
 
     /// Can contact `i` open?
@@ -252,9 +323,12 @@ impl Dynamics {
         }
     }
 
-    /// Forces of contact `i` as results have them: a joint has no normal force.
+    /// Forces of contact `i` as results have them: a joint has no normal force, and of a switch it is its weight, which has the sign of its
+    /// switching function.
     pub(crate) fn of_results(&self, i: usize, f: Forces) -> Forces {
-        if self.is_joint(i) {
+        if self.is_switch(i) {
+            [0.0, -f[1], 0.0]
+        } else if self.is_joint(i) {
             [0.0, f[1], f[2]]
         } else {
             f
@@ -283,7 +357,8 @@ impl Dynamics {
             return Err(EvalError::Recoverable);
         }
         let m = &self.mechanics;
-        m.smooth.value(at, &mut self.smooth, &mut self.work)?;
+        let there = Dynamics::weighted(&self.weights, &mut self.extended, at);
+        m.smooth.value(&there, &mut self.smooth, &mut self.work)?;
         if let Err(e) = self.mass.load(m, at, &mut self.work) {
             self.refused = at.t;
             return Err(e);
@@ -336,14 +411,28 @@ impl Dynamics {
     pub(crate) fn load_contact(&mut self, at: &At, i: usize) -> EvalResult {
         let (c, b, n_v) = (&self.mechanics.contacts[i], &mut self.blocks[i], self.mechanics.n_v);
         let out = &mut self.buffer[..c.motion.n_out()];
-        c.motion.value(at, out, &mut self.work)?;
+        if c.kind == Kind::Switch {
+            let there = Dynamics::weighted(&self.weights, &mut self.extended, at);
+            c.motion.value(&there, out, &mut self.work)?;
+            let behind = &out[Contact::motion_len(n_v, 1)..];
+            b.push.copy_from_slice(&behind[..n_v]);
+            b.gradient.copy_from_slice(&behind[n_v..]);
+        } else {
+            c.motion.value(at, out, &mut self.work)?;
+        }
         (b.rest, b.friction, b.restitution) = (out[0], out[1], out[2]);
         b.normal.copy_from_slice(&out[3..3 + n_v]);
-        for (k, own) in out[3 + n_v..].chunks_exact(2 + n_v).enumerate() {
+        for (k, own) in out[3 + n_v..].chunks_exact(2 + n_v).take(c.n_tangents).enumerate() {
             (b.sliding[k], b.sliding_rest[k]) = (own[0], own[1]);
             b.tangents[k * n_v..(k + 1) * n_v].copy_from_slice(&own[2..]);
         }
         b.stiction = out[c.stiction_at(n_v)];
+        if let Some(k) = i.checked_sub(self.mechanics.contacts.len() - self.weights.len()) {
+            if self.weights[k] != 0.0 {
+                // its weight is one of the parameters of the smooth forces
+                b.push.fill(0.0);
+            }
+        }
         Ok(())
     }
 
@@ -455,8 +544,8 @@ impl Dynamics {
             let products: Vec<f64> = shifts.iter().map(|y| dot(t, y)).collect();
             let mut weights = products.clone();
             solver.solve(&mut weights);
-            // what is left of the tangent beside all rows, in the metric of the inertia
-            whole - dot(&products, &weights) <= LEAST * whole
+            // what is left of the tangent beside all rows, in the metric of the inertia; a switch may have no tangent
+            whole > 0.0 && whole - dot(&products, &weights) <= LEAST * whole
         })
     }
 
@@ -502,6 +591,7 @@ impl Dynamics {
 
     /// Accelerations and forces under the modes of all contacts, at a point where everything is evaluated anew.
     pub(crate) fn accelerate(&mut self, at: &At, modes: &[Vec<usize>]) -> EvalResult {
+        self.weigh(modes);
         self.load(at)?;
         let kept = self.kept.len() == modes.len() && self.kept.iter().zip(modes).all(|(a, b)| *a == b[0]);
         if !kept {
@@ -542,7 +632,7 @@ impl Dynamics {
         for k in 0..self.joints.len() {
             let i = self.joints[k];
             self.forces[i][0] = 1.0;
-            if Dynamics::slides(modes[i][0]) {
+            if Dynamics::slides(modes[i][0]) && !self.is_switch(i) {
                 let (d, b) = (self.direction(i, modes[i][0]), &self.blocks[i]);
                 let push = &mut self.buffer[..self.mechanics.n_v];
                 push.iter_mut().zip(b.tangent(0)).for_each(|(p, t)| *p = -b.friction * d[0] * t);
@@ -601,7 +691,7 @@ impl Dynamics {
         for r in &self.rows {
             let b = &self.blocks[r.contact];
             let from = self.y.len();
-            self.y.extend_from_slice(b.row(r.component));
+            self.y.extend_from_slice(b.column(r.component));
             let m = modes[r.contact][0];
             if r.component == 0 && Dynamics::slides(m) {
                 let d = self.direction(r.contact, m);
@@ -665,6 +755,7 @@ impl Dynamics {
         let (n_q, n_v) = (self.mechanics.n_q, self.mechanics.n_v);
         let closed = |c: usize| modes[c][0] != mode::OPEN;
         let mut moved = false;
+        self.weigh(modes);
         for i in (0..modes.len()).filter(|i| closed(*i)) {
             let at = Point { x, ..*at };
             if self.is_joint(i) {
@@ -703,8 +794,11 @@ impl Dynamics {
             }
             // N times the shift: the rates of the coordinates are linear in the velocities
             let mut there = x.to_vec();
-            let rates =
-                |d: &Dynamics, at: &Point, out: &mut [f64], work: &mut [f64]| d.mechanics.smooth.value(at, out, work);
+            let mut room = Vec::new();
+            let mut rates = |d: &Dynamics, at: &Point, out: &mut [f64], work: &mut [f64]| {
+                room.clear();
+                d.mechanics.smooth.value(&Dynamics::weighted(&d.weights, &mut room, at), out, work)
+            };
             let (mut work, mut with, mut without) =
                 (std::mem::take(&mut self.work), vec![0.0; x.len()], vec![0.0; x.len()]);
             there[n_q..n_q + n_v].copy_from_slice(&shift[n_q..]);
@@ -774,8 +868,8 @@ impl Dynamics {
     /// What the normal force of contact `i`, which is loaded and closed, consists of before anything cancels: free
     /// accelerations, and the pushes of the other contacts of the last evaluation. Of a joint it is its friction.
     pub(crate) fn force_size(&mut self, i: usize) -> f64 {
+        let lead = self.lead(i);
         let y = &mut self.buffer[..self.mechanics.n_v];
-        let lead = usize::from(self.mechanics.contacts[i].kind == Kind::Joint);
         let b = &self.blocks[i];
         let m = self.rows.len();
         let held = self.held.entries();
@@ -786,9 +880,9 @@ impl Dynamics {
             _ => 0.0,
         };
         let row = b.row(lead);
-        y.copy_from_slice(row);
+        y.copy_from_slice(b.column(lead));
         self.mass.solve(y);
-        let w = dot(row, y);
+        let w = dot(row, y).abs();
         let own = row.iter().zip(&self.free).map(|(n, a)| (n * a).abs()).sum::<f64>() + b.rest_of(lead).abs();
         let terms = own + pushes;
         if w > 0.0 {

@@ -61,7 +61,7 @@ impl Dynamics {
         }
         for r in &self.rows {
             let from = self.y.len();
-            self.y.extend_from_slice(self.blocks[r.contact].row(r.component));
+            self.y.extend_from_slice(self.blocks[r.contact].column(r.component));
             self.mass.solve(&mut self.y[from..]);
         }
         problem.clear();

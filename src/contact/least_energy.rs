@@ -26,7 +26,7 @@ fn edges(p: &Part, out: &mut Vec<Edge>) {
     let mu = p.friction;
     match p.kind {
         // what is not in proportion to a force has no cone: the search begins without it
-        Kind::Joint => return,
+        Kind::Joint | Kind::Switch => return,
         Kind::Bilateral => return out.extend([1.0, -1.0].map(|n| Edge { first: p.first, force: [n, 0.0, 0.0] })),
         Kind::Unilateral => {}
     }

@@ -95,7 +95,7 @@ impl Problem {
         for p in &self.parts {
             match p.kind {
                 // friction that is not in proportion to a force: the search begins without it
-                Kind::Joint => continue,
+                Kind::Joint | Kind::Switch => continue,
                 Kind::Bilateral => {
                     out.extend([1.0, -1.0].map(|n| Unknown::Force(vec![(p.first, n)])));
                     continue;

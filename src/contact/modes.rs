@@ -6,7 +6,6 @@ use super::mode;
 use super::problem::{Part, Problem, Solution, State};
 use super::sensitivity::{add_jacobian, zeros};
 use crate::func::{EvalError, Point};
-use crate::system::Kind;
 
 /// Modes of all contacts that may follow.
 #[derive(Debug, Clone)]
@@ -49,6 +48,8 @@ impl Dynamics {
         lately: &dyn Fn(usize) -> f64,
         (length, loaded): (f64, bool),
     ) -> Result<Follow, EvalError> {
+        let listed = self.fix_weights(at, closed)?;
+        let closed = listed.as_deref().unwrap_or(closed);
         // what is loaded under modes has the friction of sliding joints in it
         if !loaded || self.has_joints() {
             self.load(at)?;
@@ -68,7 +69,7 @@ impl Dynamics {
         for c in closed {
             let (b, n_t) = (&self.blocks[c.contact], self.mechanics.contacts[c.contact].n_tangents);
             let kind = self.mechanics.contacts[c.contact].kind;
-            let lead = first + usize::from(kind == Kind::Joint);
+            let lead = first + usize::from(kind.has_no_normal());
             let lately = problem.matrix[lead * m + lead] * lately(c.contact);
             let size = (0..=n_t).map(|k| sum(b.row(k), &self.free) + b.rest_of(k).abs()).fold(lately, f64::max);
             let s = b.sliding;
@@ -103,6 +104,34 @@ impl Dynamics {
         r.map(|()| out)
     }
 
+    /// Two switches at rest that multiply each other: their weights are not the solution of a linear problem.
+    pub(crate) fn multiplied(&self, closed: &[Closed]) -> Option<[usize; 2]> {
+        let first = self.n_contacts() - self.weights.len();
+        let rests = |k: usize| closed.iter().any(|c| c.contact == first + k && c.rests);
+        let pair = self.mechanics.products.iter().find(|p| rests(p[0]) && rests(p[1]))?;
+        Some(pair.map(|k| first + k))
+    }
+
+    /// Gives the switches the weights their signs say, and zero to those at rest, which are part of the problem; returns what else is. None where
+    /// there are no switches.
+    fn fix_weights(&mut self, at: &At, closed: &[Closed]) -> Result<Option<Vec<Closed>>, EvalError> {
+        if self.weights.is_empty() {
+            return Ok(None);
+        }
+        let mut listed = closed.to_vec();
+        for c in closed {
+            let Some(k) = self.switch(c.contact) else { continue };
+            self.load_contact(at, c.contact)?;
+            let s = self.blocks[c.contact].sliding[0];
+            let given = !c.rests && s != 0.0;
+            self.weights[k] = if given { s.signum() } else { 0.0 };
+            if given {
+                listed.retain(|l| l.contact != c.contact);
+            }
+        }
+        Ok(Some(listed))
+    }
+
     /// Where friction holds more than it does to something that slides, both may be solutions: what sticks goes on sticking. Leaves out
     /// choices in which less of it does than in another.
     fn keep_sticking(&self, all: &mut Vec<Choice>, closed: &[Closed]) {
@@ -127,6 +156,10 @@ impl Dynamics {
             begin: Vec::new(),
             forces: Vec::new(),
         };
+        let switches = self.n_contacts() - self.weights.len();
+        for (w, set) in self.weights.iter().zip(&mut out.modes[switches..]).filter(|(w, _)| **w != 0.0) {
+            set[0] = if *w > 0.0 { mode::SLIDES } else { mode::SLIDES_BACK };
+        }
         let mut first = 0;
         for ((c, p), state) in closed.iter().zip(parts).zip(&s.states) {
             let n_t = self.mechanics.contacts[c.contact].n_tangents;
@@ -319,7 +352,7 @@ impl Dynamics {
         let c = &m.contacts[contact];
         zeros(row, 1);
         let a = std::mem::take(&mut self.acceleration);
-        self.extend(at, &a, &[0.0; 3][..1 + c.n_tangents]);
+        self.extend(at, Some(contact), &a, &[0.0; 3][..1 + c.n_tangents]);
         self.acceleration = a;
         let columns = self.columns(at);
         let there = Point { p: &self.extended, ..*at };

@@ -47,7 +47,7 @@ pub(crate) struct Part {
 impl Part {
     /// The first component that has equations: the normal, or the tangent where the normal force is given.
     pub(super) fn lead(&self) -> usize {
-        self.first + usize::from(self.kind == Kind::Joint)
+        self.first + usize::from(self.kind.has_no_normal())
     }
 }
 
@@ -112,6 +112,8 @@ pub(crate) struct Solutions {
 const COMBINATIONS: usize = 1024;
 /// What is smaller than this share of its size is zero: far above rounding of the few operations, far below what matters.
 const ZERO: f64 = 1e-9;
+/// Entries of a pseudo-inverse times its matrix are as exact as its rank is sure: a weight that is shared has not nearly this.
+const DETERMINED: f64 = 1e-6;
 const SWEEPS: usize = 400;
 const NEWTON: usize = 40;
 
@@ -122,6 +124,9 @@ impl Problem {
 
     /// The unit of `r` for a component.
     fn force_size(&self, p: &Part, k: usize) -> f64 {
+        if p.kind == Kind::Switch {
+            return p.stiction;
+        }
         let i = p.first + k;
         let w = self.matrix[i * self.n() + i];
         let other = self.free[p.first..=p.first + p.n_t].iter().fold(p.size, |m, v| m.max(v.abs()));
@@ -140,6 +145,7 @@ impl Problem {
         let n = self.parts.iter().try_fold(1usize, |n, p| n.checked_mul(Problem::n_options(p)));
         match n {
             Some(n) if n <= COMBINATIONS => self.try_all(n, room),
+            _ if self.parts.iter().any(|p| p.kind == Kind::Switch) => self.try_switches(room),
             _ if self.parts.len() == 1 => self.solve_alone(room),
             _ => {
                 let found = self.iterate(room).map(|mut s| {
@@ -210,7 +216,7 @@ impl Problem {
         found.sort_by_key(|f| f.0);
         for (_, s) in found {
             // the same motion by other forces is redundancy; by the same forces it is another reading of what is zero
-            match out.all.iter().find(|o| self.same_motion(o, &s)) {
+            match out.all.iter().find(|o| self.same_motion(o, &s) && self.same_weights(o, &s)) {
                 Some(o) if !self.same_forces(o, &s) => out.redundant = true,
                 _ => out.all.push(s),
             }
@@ -248,7 +254,7 @@ impl Problem {
                     a[e * m + j] = v;
                 }
             }
-            if !solver.factorise() {
+            if !solver.factorise() || solver.is_singular() && !self.determines_switches(held, solver) {
                 return false;
             }
             b.clear();
@@ -274,7 +280,7 @@ impl Problem {
     /// Writes the forces that are given, and the friction that follows from them. Are there any?
     fn give(&self, states: &[State], r: &mut [f64]) -> bool {
         let mut any = false;
-        for (p, state) in self.parts.iter().zip(states).filter(|(p, _)| p.kind == Kind::Joint) {
+        for (p, state) in self.parts.iter().zip(states).filter(|(p, _)| p.kind.has_no_normal()) {
             any = true;
             r[p.first] = 1.0;
             if let State::Slides(d) = state {
@@ -311,6 +317,9 @@ impl Problem {
 
     /// The force that makes so much of component `i`.
     pub(crate) fn force_scale(&self, p: &Part, i: usize, r: &[f64]) -> f64 {
+        if p.kind == Kind::Switch {
+            return p.stiction;
+        }
         let w = self.matrix[i * self.n() + i];
         let size = self.scale(p, i, r);
         if w > 0.0 {
@@ -351,6 +360,127 @@ impl Problem {
                 (a.z[i] - b.z[i]).abs() <= zero
             })
         })
+    }
+
+    /// Have switches the same weights? They may move what is not seen by any contact.
+    fn same_weights(&self, a: &Solution, b: &Solution) -> bool {
+        let mut switches = self.parts.iter().filter(|p| p.kind == Kind::Switch).map(|p| p.lead());
+        switches.all(|i| (a.r[i] - b.r[i]).abs() <= 10.0 * ZERO)
+    }
+
+    /// Are the weights of all switches at rest determined by what is held, though that is not unique? A weight is where the pseudo-inverse
+    /// gives back its column.
+    fn determines_switches(&self, held: &[(usize, usize)], solver: &mut LeastNorm) -> bool {
+        let m = held.len();
+        (0..m).filter(|j| self.parts[held[*j].0].kind == Kind::Switch).all(|j| {
+            let mut column: Vec<f64> = (0..m).map(|e| solver.entries()[e * m + j]).collect();
+            solver.solve(&mut column);
+            (column[j] - 1.0).abs() <= DETERMINED
+        })
+    }
+
+    /// Many contacts, or contacts in space, with switches: all states of the switches, and for each the contacts without them.
+    fn try_switches(&self, room: &mut Room) -> Solutions {
+        let n = self.n();
+        let switches: Vec<usize> = (0..self.parts.len()).filter(|k| self.parts[*k].kind == Kind::Switch).collect();
+        let count = switches.iter().try_fold(1usize, |n, _| n.checked_mul(3)).filter(|n| *n <= COMBINATIONS);
+        let mut found: Vec<(usize, Solution)> = Vec::new();
+        let mut proven = true;
+        let (mut redundant, mut shared) = (false, false);
+        for code in 0..count.unwrap_or(0) {
+            let mut rest = code;
+            let states: Vec<State> = switches
+                .iter()
+                .map(|&k| {
+                    let state = Problem::option(&self.parts[k], rest % 3);
+                    rest /= 3;
+                    state
+                })
+                .collect();
+            let Some(s) = self.with_switches(&switches, &states, room) else { continue };
+            proven &= s.proven;
+            redundant |= s.redundant;
+            shared |= s.shared;
+            for inner in s.all {
+                if self.holds(&inner) {
+                    let open = inner.states.iter().filter(|s| **s == State::Open).count();
+                    found.push((open, inner));
+                }
+            }
+        }
+        debug_assert!(found.iter().all(|(_, s)| s.r.len() == n));
+        let out = self.distinct(found);
+        Solutions { proven, redundant: redundant || out.redundant, shared, ..out }
+    }
+
+    /// The solutions under given states of the switches: those at rest are eliminated.
+    fn with_switches(&self, switches: &[usize], states: &[State], room: &mut Room) -> Option<Solutions> {
+        let n = self.n();
+        let at = |k: &usize| self.parts[*k].first + 1;
+        let others: Vec<usize> = (0..self.parts.len()).filter(|k| !switches.contains(k)).collect();
+        let kept: Vec<usize> =
+            others.iter().flat_map(|&k| self.parts[k].first..=self.parts[k].first + self.parts[k].n_t).collect();
+        let mut given = vec![0.0; n];
+        let mut free = self.free.clone();
+        for (k, state) in switches.iter().zip(states) {
+            given[self.parts[*k].first] = 1.0;
+            if let State::Slides(d) = state {
+                given[at(k)] = -self.parts[*k].friction * d[0];
+            }
+        }
+        (0..n).for_each(|i| free[i] += (0..n).map(|j| self.matrix[i * n + j] * given[j]).sum::<f64>());
+        let rests: Vec<usize> =
+            switches.iter().zip(states).filter(|(_, s)| **s == State::Rests).map(|(k, _)| at(k)).collect();
+        // the weights of those at rest, as functions of the forces: their own part first, then one column for every force
+        let m = rests.len();
+        let mut columns = vec![vec![0.0; m]; kept.len() + 1];
+        if m > 0 {
+            let a = room.solver.clear(m);
+            for (e, &i) in rests.iter().enumerate() {
+                for (f, &j) in rests.iter().enumerate() {
+                    a[e * m + f] = self.matrix[i * n + j];
+                }
+            }
+            if !room.solver.factorise() || room.solver.is_singular() {
+                return None;
+            }
+            for (c, column) in columns.iter_mut().enumerate() {
+                for (e, &i) in rests.iter().enumerate() {
+                    column[e] = -if c == 0 { free[i] } else { self.matrix[i * n + kept[c - 1]] };
+                }
+                room.solver.solve(column);
+            }
+        }
+        let pushed = |i: usize, column: &[f64]| -> f64 {
+            rests.iter().zip(column).map(|(&j, w)| self.matrix[i * n + j] * w).sum()
+        };
+        let mut inner = Problem::default();
+        for &i in &kept {
+            inner.free.push(free[i] + pushed(i, &columns[0]));
+            for (c, &j) in kept.iter().enumerate() {
+                inner.matrix.push(self.matrix[i * n + j] + pushed(i, &columns[c + 1]));
+            }
+        }
+        inner.start.extend(kept.iter().filter_map(|&i| self.start.get(i)));
+        let mut first = 0;
+        for &k in &others {
+            inner.parts.push(Part { first, ..self.parts[k].clone() });
+            first += 1 + self.parts[k].n_t;
+        }
+        let mut found = inner.solve(room);
+        for s in &mut found.all {
+            let mut r = given.clone();
+            kept.iter().zip(&s.r).for_each(|(&i, v)| r[i] = *v);
+            for (e, &i) in rests.iter().enumerate() {
+                r[i] = columns[0][e] + s.r.iter().zip(&columns[1..]).map(|(v, c)| v * c[e]).sum::<f64>();
+            }
+            let mut all = vec![State::Open; self.parts.len()];
+            others.iter().zip(&s.states).for_each(|(&k, state)| all[k] = *state);
+            switches.iter().zip(states).for_each(|(&k, state)| all[k] = *state);
+            let z = self.residual(&r);
+            *s = Solution { states: all, r, z };
+        }
+        Some(found)
     }
 
     fn same_forces(&self, a: &Solution, b: &Solution) -> bool {
@@ -448,7 +578,7 @@ impl Problem {
         let i = p.first;
         match p.kind {
             Kind::Unilateral => r[i] = r[i].max(0.0),
-            Kind::Joint => r[i] = 1.0,
+            Kind::Joint | Kind::Switch => r[i] = 1.0,
             Kind::Bilateral => {}
         }
         let most = p.friction * r[i];
@@ -567,7 +697,7 @@ impl Problem {
             let rho = 1.0 / self.matrix[i * n + i].max(f64::MIN_POSITIVE);
             let unit = self.force_size(p, p.lead() - i).max(f64::MIN_POSITIVE);
             let active = r[i] - rho * z[i] > 0.0 || p.kind == Kind::Bilateral;
-            if p.kind == Kind::Joint {
+            if p.kind.has_no_normal() {
                 f[i] = r[i] - 1.0;
                 jac[i * n + i] = 1.0;
             } else if active {

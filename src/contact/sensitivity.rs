@@ -14,7 +14,7 @@ use std::sync::Arc;
 use super::dynamics::{dot, At, Dynamics};
 use super::mode;
 use crate::func::{EvalResult, Function, Point};
-use crate::system::Inertia;
+use crate::system::{Inertia, Kind};
 
 /// Where the columns of a pattern go: `x`, `u`, `p` and what follows it, `t` become `x`, `p`, `u`, `t`; none for what stands
 /// behind the parameters.
@@ -125,7 +125,7 @@ impl Dynamics {
         let (n_v, columns) = (m.n_v, self.columns(at));
         let n_z = columns.n();
         if let Inertia::Varying { product, .. } = &m.inertia {
-            self.extend(at, given.a, &[]);
+            self.extend(at, None, given.a, &[]);
             let room = (&mut self.buffer[..], &mut self.work[..]);
             let there = Point { p: &self.extended, ..*at };
             add_jacobian(product.as_ref(), &there, &columns, &|i| Some((i, 1.0)), out, room)?;
@@ -135,7 +135,7 @@ impl Dynamics {
                 continue;
             }
             let c = &m.contacts[i];
-            self.extend(at, given.a, &given.forces[i][..1 + c.n_tangents]);
+            self.extend(at, Some(i), given.a, &given.forces[i][..1 + c.n_tangents]);
             let there = Point { p: &self.extended, ..*at };
             let room = (&mut self.buffer[..], &mut self.work[..]);
             let force = |i: usize| (i < n_v).then_some((i, -1.0));
@@ -167,12 +167,18 @@ impl Dynamics {
             1 => Some((0, 1.0)),
             r => c.sliding_at(n_v, r).map(|k| (1 + k, 1.0)),
         };
-        add_jacobian(c.motion.as_ref(), at, columns, &row, out, room)
+        let weights = if c.kind == Kind::Switch { &self.weights[..] } else { &[] };
+        let there = Dynamics::weighted(weights, &mut self.extended, at);
+        add_jacobian(c.motion.as_ref(), &there, columns, &row, out, room)
     }
 
     /// Derivatives of the coefficient of friction of contact `i` for sticking, added to a row.
     pub(super) fn add_bound(&mut self, at: &At, i: usize, columns: &Columns, out: &mut [f64]) -> EvalResult {
         let c = &self.mechanics.contacts[i];
+        if c.kind == Kind::Switch {
+            // its bound is 1
+            return Ok(());
+        }
         let (place, room) = (c.stiction_at(self.mechanics.n_v), (&mut self.buffer[..], &mut self.work[..]));
         let row = |r: usize| (r == place).then_some((0, 1.0));
         add_jacobian(c.motion.as_ref(), at, columns, &row, out, room)
@@ -219,11 +225,19 @@ impl Dynamics {
         self.add_bound(at, i, &columns, out)
     }
 
-    /// The parameters, then accelerations and forces.
-    pub(super) fn extend(&mut self, at: &At, a: &[f64], forces: &[f64]) {
+    /// The parameters, then accelerations and forces, as the functions of a contact, or of none, take them: those of a switch know the
+    /// weights of all switches, and where its own is given it has no force.
+    pub(super) fn extend(&mut self, at: &At, contact: Option<usize>, a: &[f64], forces: &[f64]) {
+        let switch = contact.and_then(|i| self.switch(i));
         self.extended.clear();
-        for part in [at.p, a, forces] {
-            self.extended.extend_from_slice(part);
+        self.extended.extend_from_slice(at.p);
+        if switch.is_some() {
+            self.extended.extend_from_slice(&self.weights);
+        }
+        self.extended.extend_from_slice(a);
+        match switch.filter(|k| self.weights[*k] != 0.0) {
+            Some(_) => self.extended.resize(self.extended.len() + forces.len(), 0.0),
+            None => self.extended.extend_from_slice(forces),
         }
     }
 
@@ -285,7 +299,8 @@ impl Dynamics {
         let room = (&mut self.buffer[..], &mut self.work[..]);
         // the rows of velocities are those of equations that are solved below
         let sign = |i: usize| Some((i, if (n_q..n_q + n_v).contains(&i) { -1.0 } else { 1.0 }));
-        add_jacobian(m.smooth.as_ref(), at, &columns, &sign, out, room)?;
+        let there = Dynamics::weighted(&self.weights, &mut self.extended, at);
+        add_jacobian(m.smooth.as_ref(), &there, &columns, &sign, out, room)?;
         let mut l = std::mem::take(&mut self.linearised);
         l.a.clone_from(&self.acceleration);
         l.forces.clone_from(&self.forces);
@@ -295,7 +310,7 @@ impl Dynamics {
         for r in 0..self.rows.len() {
             let row = self.rows[r];
             let c = &m.contacts[row.contact];
-            self.extend(at, &l.a, &l.forces[row.contact][..1 + c.n_tangents]);
+            self.extend(at, Some(row.contact), &l.a, &l.forces[row.contact][..1 + c.n_tangents]);
             let there = Point { p: &self.extended, ..*at };
             let room = (&mut self.buffer[..], &mut self.work[..]);
             let pick = |i: usize| (i == n_v + row.component).then_some((r, 1.0));

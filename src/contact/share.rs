@@ -39,7 +39,7 @@ impl Cones {
         let unit = problem.force_scale(p, p.lead(), r).max(f64::MIN_POSITIVE);
         let mu = if *state == State::Rests { p.stiction } else { p.friction };
         match state {
-            State::Slides(_) if p.kind == Kind::Joint => {}
+            State::Slides(_) if p.kind.has_no_normal() => {}
             // either sign is as good
             _ if p.kind == Kind::Bilateral => self.columns.push(vec![(i, 1.0)]),
             State::Slides(d) => {

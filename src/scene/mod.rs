@@ -4,7 +4,8 @@
 //! q̇ = N(q) v,    M(q) v̇ = f_v(q,v,u,p,t) + contact forces,    0 ≤ λ_i ⊥ g_i(q,t) ≥ 0,   friction
 //! ```
 //!
-//! Beside contacts stand dry friction at joints ([`Friction`]) and constraints ([`Constraint`]).
+//! Beside contacts stand dry friction at joints ([`Friction`]) and constraints ([`Constraint`]). Forces and the rates of further states may
+//! switch.
 //!
 //! The user writes coordinates, inertia, forces and gaps; normals, the rates of gaps, what is centrifugal in them and all
 //! derivatives follow by differentiation (section 8.1 of the thesis). In the graph the states are `q`, then `v`.
@@ -32,6 +33,7 @@ mod embedded;
 mod parts;
 mod report;
 mod shape;
+mod switches;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -175,6 +177,8 @@ pub struct Scene {
     law: ImpactLaw,
     bounds: Vec<Option<(f64, f64)>>,
     order: Order,
+    /// So many of the velocities, the last ones, are states beside coordinates and velocities: see [`Scene::widened`].
+    beside: usize,
 }
 
 /// The system made of a scene, with the report on it.
@@ -215,6 +219,7 @@ impl Scene {
             law: ImpactLaw::default(),
             bounds: vec![None; n_q],
             order: Order::Second,
+            beside: 0,
         })
     }
 
@@ -269,7 +274,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets the force on velocity `i`: all that stands beside `M v̇` but contact forces.
+    /// Sets the force on velocity `i`: all that stands beside `M v̇` but contact forces. It may switch, with `sign`, `where` and tables of
+    /// states, controls, parameters and time; in projected systems it may not.
     pub fn set_force(&mut self, i: usize, force: Id) -> Result<()> {
         let n = self.n_v;
         let place = self.force.get_mut(i);
@@ -277,7 +283,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets the rate `h_i` of state `i` beside coordinates and velocities: a smooth expression of states, controls, parameters and time.
+    /// Sets the rate `h_i` of state `i` beside coordinates and velocities: an expression of states, controls, parameters and time, which may switch.
     pub fn set_state_rate(&mut self, i: usize, rate: Id) -> Result<()> {
         let n = self.states.len();
         let place = self.states.get_mut(i);
@@ -413,7 +419,7 @@ impl Scene {
     /// # Errors
     /// [`Error::State`] if a force or the rates of the coordinates are missing, [`Error::Range`] if a gap depends on
     /// velocities or controls, or not on coordinates, or something is not linear where it has to be,
-    /// [`Error::Unsupported`] for operators that switch, and those of [`ExprFunction::new`].
+    /// [`Error::Unsupported`] for operators that switch elsewhere than in forces and rates of further states, and those of [`ExprFunction::new`].
     pub fn build_in(&self, dag: &mut Dag) -> Result<Built> {
         Builder { scene: self, dag, alike: BTreeMap::new() }.build()
     }
@@ -430,18 +436,41 @@ struct Builder<'a> {
 impl Builder<'_> {
     fn build(mut self) -> Result<Built> {
         let s = self.scene;
-        let dims = s.dims();
         let rates = self.rates()?;
         let force = self.force()?;
+        if let Some(switching) = self.switching(&force)? {
+            return self.build_switching(&rates, switching);
+        }
+        self.assemble(s, rates, force, Vec::new(), None)
+    }
+
+    /// The system, with the switches of `smooth`; the report is on the scene `s` as it was stated.
+    fn assemble(
+        mut self,
+        stated: &Scene,
+        rates: Vec<Id>,
+        force: Vec<Id>,
+        mut switches: Vec<system::Contact>,
+        smooth: Option<(SharedFunction, Vec<[usize; 2]>)>,
+    ) -> Result<Built> {
+        let s = self.scene;
+        let dims = s.dims();
         let (dropped, kept) = self.reachable()?;
         let mut contacts = Vec::new();
         for &k in &kept {
             contacts.push(self.contact(k, &rates)?);
         }
-        let mut smooth = rates.clone();
-        smooth.extend_from_slice(&force);
-        smooth.extend(self.state_rates()?);
-        let smooth = self.function("smooth", dims, &smooth)?;
+        let (smooth, products) = match smooth {
+            Some(known) => known,
+            None => {
+                let mut smooth = rates.clone();
+                smooth.extend_from_slice(&force);
+                smooth.extend(self.state_rates()?);
+                (self.function("smooth", dims, &smooth)?, Vec::new())
+            }
+        };
+        let n_switches = switches.len();
+        contacts.append(&mut switches);
         let inertia = self.inertia()?;
         let projection = self.projection(&force)?;
         let bounds = if dropped.is_empty() { Vec::new() } else { s.bounds.clone() };
@@ -450,6 +479,8 @@ impl Builder<'_> {
             n_q: s.n_q,
             n_v: s.n_v,
             n_z: s.states.len(),
+            n_switches,
+            products,
             smooth,
             inertia,
             contacts,
@@ -457,13 +488,29 @@ impl Builder<'_> {
             bounds,
             projection,
         };
-        let report = Report::new(s, &mechanics, &kept, dropped);
+        let report = Report::new(stated, &mechanics, &kept, dropped);
         let system = System::of_mechanics(mechanics, dims.u, dims.p)?;
         Ok(Built { system, report, dims, names: s.names.clone() })
     }
 
     fn text(&self, id: Id) -> String {
         self.dag.text_with(id, &|block, i| self.scene.names.of(block, i))
+    }
+
+    /// Refuses conditions, and what switches where switches are not for.
+    fn check_value(&self, what: &str, id: Id) -> Result<()> {
+        if self.scene.order == Order::First {
+            return self.check_smooth(what, id);
+        }
+        if self.dag.is_condition(id) {
+            return Err(Error::Range(format!("{what} is a condition: choose values with where")));
+        }
+        if self.dag.has_floor(&[id]) {
+            return Err(Error::Unsupported(format!(
+                "{what} has floor, which jumps again and again: a scene does not take it"
+            )));
+        }
+        Ok(())
     }
 
     /// Refuses what switches or is a condition.
@@ -473,8 +520,8 @@ impl Builder<'_> {
         }
         match self.dag.switches_of(&[id]).first().and_then(|&s| self.dag.switching_function(s)) {
             Some(psi) => Err(Error::Unsupported(format!(
-                "{what} switches where {} vanishes: a scene takes smooth expressions; what pushes on one side only is a \
-                 contact, dry friction is the friction of one",
+                "{what} switches where {} vanishes: only forces and the rates of further states of a mechanical scene may; what \
+                 pushes on one side only is a contact, dry friction is the friction of one",
                 self.text(psi)
             ))),
             None => Ok(()),
@@ -512,7 +559,7 @@ impl Builder<'_> {
         for (i, h) in s.states.iter().enumerate() {
             let name = s.names.of(Block::X, s.n_q + s.n_v + i);
             let h = h.ok_or_else(|| Error::State(format!("{}: there is no rate of {name}; set it", s.name)))?;
-            self.check_smooth(&format!("the rate of {name}"), h)?;
+            self.check_value(&format!("the rate of {name}"), h)?;
             out.push(h);
         }
         Ok(out)
@@ -521,7 +568,7 @@ impl Builder<'_> {
     /// Refuses what depends on states beside coordinates and velocities: only forces, bounds of friction and rates of such states do.
     fn check_beside(&self, what: &str, id: Id) -> Result<()> {
         let s = self.scene;
-        if s.order == Order::Second && self.depends(id, Block::X, s.n_q + s.n_v) {
+        if s.order == Order::Second && self.depends(id, Block::X, s.n_q + s.n_v - s.beside) {
             return Err(Error::Range(format!(
                 "{what}, {}, depends on states beside coordinates and velocities: only forces, bounds of friction at joints \
                  and the rates of such states may",
@@ -553,7 +600,7 @@ impl Builder<'_> {
             let f = f.ok_or_else(|| {
                 Error::State(format!("{}: there is no force on {name}; set it to 0 if there is none", s.name))
             })?;
-            self.check_smooth(&format!("the force on {name}"), f)?;
+            self.check_value(&format!("the force on {name}"), f)?;
             out.push(f);
         }
         Ok(out)

@@ -12,7 +12,7 @@ pub struct ContactReport {
     pub contact: usize,
     /// Its name.
     pub name: String,
-    /// What it is: a contact, dry friction at a joint, a constraint.
+    /// What it is: a contact, dry friction at a joint, a constraint, a switch.
     pub kind: Kind,
     /// Components of the sliding velocity; 0 without friction.
     pub n_tangents: usize,
@@ -59,27 +59,29 @@ impl Report {
             Inertia::Constant(_) => "constant: factored once",
             Inertia::Varying { .. } => "varies: factored once per point",
         };
-        let contact = |(&contact, c): (&usize, &crate::system::Contact)| ContactReport {
+        // switches are no parts that were added: they are numbered behind these
+        let numbers = kept.iter().copied().chain(s.n_contacts()..);
+        let contact = |(contact, c): (usize, &crate::system::Contact)| ContactReport {
             contact,
             name: c.name.clone(),
             n_tangents: c.n_tangents,
             kind: c.kind,
             watched: match (c.kind, c.n_tangents) {
                 (Kind::Bilateral, _) => [0, 0, 0],
-                (Kind::Joint, _) => [0, 1, 2],
+                (Kind::Joint | Kind::Switch, _) => [0, 1, 2],
                 (_, 0) => [1, 1, 1],
                 (_, 1) => [1, 2, 3],
                 _ => [1, 2, 2],
             },
-            unknowns: usize::from(c.kind != Kind::Joint) + c.n_tangents,
+            unknowns: usize::from(!c.kind.has_no_normal()) + c.n_tangents,
         };
         Report {
             name: s.name.clone(),
             sizes: [s.n_q, s.n_v, s.nu, s.np],
-            n_states: m.n_z,
+            n_states: s.n_states(),
             inertia: inertia.into(),
             law: m.law,
-            contacts: kept.iter().zip(&m.contacts).map(contact).collect(),
+            contacts: numbers.zip(&m.contacts).map(contact).collect(),
             dropped,
         }
     }
@@ -102,6 +104,14 @@ impl fmt::Display for Report {
                 Kind::Unilateral => {}
                 Kind::Joint => {
                     writeln!(f, "joint {}: dry friction; watched while sliding {slips}, sticking {sticks}", c.name)?;
+                    continue;
+                }
+                Kind::Switch => {
+                    writeln!(
+                        f,
+                        "{}: watched while its sign is given {slips}, while it stays at zero {sticks}",
+                        c.name
+                    )?;
                     continue;
                 }
                 Kind::Bilateral => {
@@ -137,6 +147,7 @@ impl Report {
                 Kind::Unilateral => "contact",
                 Kind::Joint => "friction",
                 Kind::Bilateral => "constraint",
+                Kind::Switch => "switch",
             };
             serde_json::json!({
                 "contact": c.contact, "name": c.name, "kind": kind, "tangents": c.n_tangents, "unknowns": c.unknowns,

@@ -42,7 +42,7 @@ mod step;
 use std::sync::Arc;
 
 use crate::error::{check_positive, finite, Error, Result};
-use crate::system::{ImpactLaw, Local, Mechanics, Order, System};
+use crate::system::{ImpactLaw, Kind, Local, Mechanics, Order, System};
 
 use inertia::Blocks;
 use near::Near;
@@ -203,6 +203,12 @@ impl Stepper {
                 "the system is no scene: time stepping needs coordinates, velocities, inertia and contacts".into(),
             ));
         };
+        if let Some(c) = m.contacts.iter().find(|c| c.kind == Kind::Switch) {
+            return Err(Error::Unsupported(format!(
+                "time stepping does not follow switches of forces or rates, as the {}: simulate the scene event-driven",
+                c.name
+            )));
+        }
         let locals: Option<Arc<[Local]>> = m.contacts.iter().map(|c| c.local.clone()).collect();
         let Some(contacts) = locals.filter(|_| m.order == Order::Second) else {
             return Err(Error::Unsupported(

@@ -104,12 +104,21 @@ pub enum Kind {
     Joint,
     /// A constraint: closed at all times, by a force of either sign, without friction.
     Bilateral,
+    /// A switch of forces or of rates of further states: a weight in [-1, 1] that is the sign of a switching function `ψ`, and where `ψ`
+    /// stays at zero what keeps it there. It is told like dry friction whose "sliding velocity" is `ψ` and whose bound is 1; other than
+    /// friction it pushes along a column of its own.
+    Switch,
 }
 
 impl Kind {
     /// Can it open?
     pub fn opens(self) -> bool {
         self == Kind::Unilateral
+    }
+
+    /// Is there no normal: dry friction at a joint, a switch?
+    pub fn has_no_normal(self) -> bool {
+        matches!(self, Kind::Joint | Kind::Switch)
     }
 }
 
@@ -129,6 +138,10 @@ pub struct Contact {
     pub gap: SharedFunction,
     /// Data of the contact forces, [`Contact::motion_len`] outputs: `g̈ − nᵀ v̇`, `μ`, `e`, `n` (`n_v` values), then for
     /// every tangent `s`, `ṡ − Bᵀ v̇` and its column of `B` (`n_v` values).
+    ///
+    /// Of a switch, `s` is its switching function and `B` the gradient of that with respect to the velocities. Behind them stand
+    /// the column that its force pushes along (`n_v` values), and the gradient of `s` with respect to all states and time.
+    /// The parameters of this function, and of the next one, are those of the system, then the weights of all switches.
     pub motion: SharedFunction,
     /// `n λ + B τ` (`n_v` values), `g̈`, and `ṡ` of every tangent; the parameters are those of the system, then `v̇`, `λ`,
     /// `τ`. Its derivatives are those of the equations of motion.
@@ -141,6 +154,11 @@ impl Contact {
     /// Outputs of [`Contact::motion`], without the one for sticking.
     pub fn motion_len(n_v: usize, n_tangents: usize) -> usize {
         3 + n_v + n_tangents * (2 + n_v)
+    }
+
+    /// Outputs of [`Contact::motion`] of a switch.
+    pub fn switch_len(n_v: usize, nx: usize) -> usize {
+        Contact::motion_len(n_v, 1) + n_v + nx + 1
     }
 
     /// Place of the coefficient of friction for sticking among these outputs.
@@ -182,7 +200,13 @@ pub struct Mechanics {
     /// States `z` beside these, the last ones: `ż = h(q, v, z, u, p, t)`. Forces and the bounds of friction at joints may depend on them,
     /// contacts and inertia do not.
     pub n_z: usize,
-    /// `N v` (`n_q` values), `f_v` (`n_v` values), then `h`.
+    /// Switches, the last of the contacts. Where there are any, states beside coordinates and velocities count as velocities of unit inertia,
+    /// so that one problem has all that changes at once.
+    pub n_switches: usize,
+    /// Pairs of switches, by their numbers among them, whose weights are multiplied with each other in forces or rates.
+    pub products: Vec<[usize; 2]>,
+    /// `N v` (`n_q` values), `f_v` (`n_v` values), then `h`. The parameters are those of the system, then the weight of every switch: its sign,
+    /// or 0 where it is found with the contact forces.
     pub smooth: SharedFunction,
     /// The matrix `M`.
     pub inertia: Inertia,
@@ -236,6 +260,7 @@ impl Mechanics {
                 Kind::Unilateral if c.stiction => "sticks by another friction than it slides with",
                 Kind::Unilateral => continue,
                 Kind::Joint => "is dry friction at a joint",
+                Kind::Switch => "is a switch of forces or rates",
                 Kind::Bilateral => "is a constraint that is always closed",
             };
             return Err(Error::Unsupported(format!(
@@ -256,6 +281,16 @@ impl Mechanics {
             )));
         }
         sizes::check("contacts", &[self.contacts.len()])?;
+        let first_switch = self.contacts.iter().position(|c| c.kind == Kind::Switch).unwrap_or(self.contacts.len());
+        if self.contacts[first_switch..].iter().any(|c| c.kind != Kind::Switch)
+            || self.contacts.len() - first_switch != self.n_switches
+        {
+            return Err(Error::Dimension(format!(
+                "the switches of a scene are the last of its contacts: {} are expected behind contact {first_switch} of {}",
+                self.n_switches,
+                self.contacts.len()
+            )));
+        }
         let check = |f: &SharedFunction, more: usize, n_out: usize| {
             let expected = Dims { p: own.p + more, ..own };
             if f.dims() != expected || f.n_out() != n_out {
@@ -266,7 +301,13 @@ impl Mechanics {
             }
             Ok(())
         };
-        check(&self.smooth, 0, own.x)?;
+        if let Some(p) = self.products.iter().find(|p| p[0].max(p[1]) >= self.n_switches) {
+            return Err(Error::Range(format!(
+                "there are {} switches, and a product of numbers {p:?}",
+                self.n_switches
+            )));
+        }
+        check(&self.smooth, self.n_switches, own.x)?;
         match &self.inertia {
             Inertia::Identity => {}
             Inertia::Constant(m) if m.len() == self.n_v * self.n_v => {}
@@ -284,15 +325,19 @@ impl Mechanics {
                 let (name, n) = (&c.name, c.n_tangents);
                 return Err(Error::Range(format!("contact {name} has {n} tangents: there are up to two")));
             }
-            if c.kind == Kind::Joint && c.n_tangents != 1 || c.kind == Kind::Bilateral && c.n_tangents > 0 {
+            if c.kind.has_no_normal() && c.n_tangents != 1 || c.kind == Kind::Bilateral && c.n_tangents > 0 {
                 let (name, n) = (&c.name, c.n_tangents);
                 return Err(Error::Range(format!(
                     "{name} has {n} tangents: dry friction at a joint has one, a constraint has none"
                 )));
             }
             check(&c.gap, 0, 2)?;
-            check(&c.motion, 0, Contact::motion_len(self.n_v, c.n_tangents) + usize::from(c.stiction))?;
-            check(&c.reaction, self.n_v + 1 + c.n_tangents, self.n_v + 1 + c.n_tangents)?;
+            let (weights, length) = match c.kind {
+                Kind::Switch => (self.n_switches, Contact::switch_len(self.n_v, own.x)),
+                _ => (0, Contact::motion_len(self.n_v, c.n_tangents) + usize::from(c.stiction)),
+            };
+            check(&c.motion, weights, length)?;
+            check(&c.reaction, weights + self.n_v + 1 + c.n_tangents, self.n_v + 1 + c.n_tangents)?;
             self.check_local(c, own)?;
         }
         Ok(())

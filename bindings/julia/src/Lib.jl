@@ -659,9 +659,9 @@ const NAMES_swb_impact_kind = [:collision => 0, :painleve => 1, :last => 2]
 Modes of a contact.
 
 - `SWB_CONTACT_MODE_OPEN`: Open: no force.
-- `SWB_CONTACT_MODE_CLOSED`: Closed; with friction, sticking.
-- `SWB_CONTACT_MODE_SLIDES`: Sliding: in the plane along the tangent, in space in any direction.
-- `SWB_CONTACT_MODE_SLIDES_BACK`: Sliding against the tangent, in the plane.
+- `SWB_CONTACT_MODE_CLOSED`: Closed; with friction, sticking. Of a switch: its function stays at zero.
+- `SWB_CONTACT_MODE_SLIDES`: Sliding: in the plane along the tangent, in space in any direction. Of a switch: its function is positive.
+- `SWB_CONTACT_MODE_SLIDES_BACK`: Sliding against the tangent, in the plane. Of a switch: its function is negative.
 """
 const swb_contact_mode = Int64
 const SWB_CONTACT_MODE_OPEN = swb_contact_mode(0)
@@ -4394,7 +4394,7 @@ swb_scene_set_inertia(scene, graph, entries, n) =
 """
     swb_scene_set_force(scene, graph, force, n) -> swb_status
 
-Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact forces, smooth expressions.
+Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact forces. They may switch; switches are listed behind the contacts.
 
 @param[in] graph the graph of the expressions
 @param[in] force [n] n_v expressions
@@ -4406,7 +4406,7 @@ swb_scene_set_force(scene, graph, force, n) =
 """
     swb_scene_set_state_rates(scene, graph, rates, n) -> swb_status
 
-Set the rates of the states beside coordinates and velocities, smooth expressions of states, controls, parameters and time.
+Set the rates of the states beside coordinates and velocities, expressions of states, controls, parameters and time, which may switch.
 
 @param[in] graph the graph of the expressions
 @param[in] rates [n] n_z expressions
@@ -4595,8 +4595,8 @@ Forces of the contacts of a scene at times: forces, not impulses. Other times th
 
 @param[in]  t      [n_t] times within the run
 @param[out] forces [n] n_t times n_scene_contacts times 3: the normal force and those along the tangents, zero where the
-                   contact is open or has no tangents; of dry friction at a joint zero and the friction; the contacts of the
-                   first time first
+                   contact is open or has no tangents; of dry friction at a joint zero and the friction; of a switch zero and
+                   its weight, 1, -1 or between; the contacts of the first time first
 @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene, or for want of dense output; SWB_ERR_RANGE for times
         outside; SWB_ERR_DIMENSION
 """

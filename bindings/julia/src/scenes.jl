@@ -130,15 +130,15 @@ rates!(s::Scene, values_) = give_expressions(Lib.swb_scene_set_rates, s, values_
 """
     force!(scene, values)
 
-Set the forces, one for every velocity: all that stands beside M v' but the forces of the contacts, smooth expressions.
+Set the forces, one for every velocity: all that stands beside M v' but the forces of the contacts. They may switch.
 """
 force!(s::Scene, values_) = give_expressions(Lib.swb_scene_set_force, s, values_, length(s.v), "force")
 
 """
     state_rates!(scene, values)
 
-Set the rates of the states beside coordinates and velocities, one for each, smooth expressions of states, controls, parameters and
-time.
+Set the rates of the states beside coordinates and velocities, one for each, expressions of states, controls, parameters and time,
+which may switch.
 """
 state_rates!(s::Scene, values_) = give_expressions(Lib.swb_scene_set_state_rates, s, values_, length(s.states), "state_rates")
 

@@ -161,6 +161,16 @@ end
     @test simulate(fading, [0.0, 1.0, 1.0], 1.0; STRICT...).u[end][2:3] ≈ [1 - 0.5 * (1 - exp(-1)), exp(-1)] atol = 1e-9
     @test refused(() -> simulate(fading, [0.0], [1.0], 1.0), :dimension, "whole state")
     @test refused(() -> state_rates!(fading, [0.0, 1.0]), :dimension, "expected 1")
+    # a relay holds the current of a motor, which drives a joint towards a far stop
+    motor = Scene(:x; states = :z)
+    z = motor.states[1]
+    force!(motor, [z])
+    state_rates!(motor, [2 * sign(1 - z) - z])
+    friction!(motor, "gear", motor.q[1], 0.3)
+    contact!(motor, "stop", 5 - motor.q[1])
+    t1, t2 = -log(0.85), log(2)
+    v = 1.7 * (t2 - t1) + 2 * (exp(-t2) - exp(-t1)) + 0.7 * (2 - t2)
+    @test simulate(motor, zeros(3), 2.0; STRICT...).u[end][2:3] ≈ [v, 1] atol = 1e-9
     block = Scene((:x, :y))
     force!(block, [block.t, -1.0])
     contact!(block, "floor", block.q[2]; tangents = block.q[1], mu = 0.3, mu_s = 0.5)

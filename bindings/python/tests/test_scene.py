@@ -410,7 +410,6 @@ NONSENSE = {
     "infinite state": (lambda: ball().simulate([1], [np.inf], 1), swb.RangeError, "state 1 is inf"),
     "forces missing": (_no_force, swb.StateError, "no force on v_x"),
     "too few forces": (_unforced, swb.DimensionError, r"force has shape \(1,\), expected \(2,\)"),
-    "sign in a force": (lambda: _force(lambda s: [-sign(s.v[0]), 0]), swb.UnsupportedError, "force on v_x switches where v_x"),
     "a condition as force": (lambda: _force(lambda s: [s.v[0] > 0, 0]), swb.DimensionError, "conditions and values"),
     "rates missing": (_rates, swb.StateError, "2 coordinates and 1 velocities"),
     "coordinates of one name": (lambda: swb.Scene("y y"), swb.ArgumentError, "two variables are called 'y'"),

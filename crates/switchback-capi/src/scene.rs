@@ -103,11 +103,11 @@ pub enum swb_impact_kind {
 pub enum swb_contact_mode {
     /// Open: no force.
     Open = 0,
-    /// Closed; with friction, sticking.
+    /// Closed; with friction, sticking. Of a switch: its function stays at zero.
     Closed = 1,
-    /// Sliding: in the plane along the tangent, in space in any direction.
+    /// Sliding: in the plane along the tangent, in space in any direction. Of a switch: its function is positive.
     Slides = 2,
-    /// Sliding against the tangent, in the plane.
+    /// Sliding against the tangent, in the plane. Of a switch: its function is negative.
     SlidesBack = 3,
 }
 
@@ -258,7 +258,7 @@ pub unsafe extern "C" fn swb_scene_set_inertia(
     setting(scene, || unsafe { with_ids(scene, graph, (entries, n), "entries", |s, all| s.set_inertia(&all)) })
 }
 
-/// Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact forces, smooth expressions.
+/// Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact forces. They may switch; switches are listed behind the contacts.
 ///
 /// @param[in] graph the graph of the expressions
 /// @param[in] force [n] n_v expressions
@@ -281,7 +281,7 @@ pub unsafe extern "C" fn swb_scene_set_force(
     })
 }
 
-/// Set the rates of the states beside coordinates and velocities, smooth expressions of states, controls, parameters and time.
+/// Set the rates of the states beside coordinates and velocities, expressions of states, controls, parameters and time, which may switch.
 ///
 /// @param[in] graph the graph of the expressions
 /// @param[in] rates [n] n_z expressions
@@ -651,8 +651,8 @@ pub unsafe extern "C" fn swb_run_contact_modes(
 ///
 /// @param[in]  t      [n_t] times within the run
 /// @param[out] forces [n] n_t times n_scene_contacts times 3: the normal force and those along the tangents, zero where the
-///                    contact is open or has no tangents; of dry friction at a joint zero and the friction; the contacts of the
-///                    first time first
+///                    contact is open or has no tangents; of dry friction at a joint zero and the friction; of a switch zero and
+///                    its weight, 1, -1 or between; the contacts of the first time first
 /// @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene, or for want of dense output; SWB_ERR_RANGE for times
 ///         outside; SWB_ERR_DIMENSION
 #[no_mangle]

@@ -132,6 +132,8 @@ fn table(n: usize, o: &Options) -> Stepper {
     let mechanics = Mechanics {
         n_q: n_v,
         n_z: 0,
+        n_switches: 0,
+        products: Vec::new(),
         n_v,
         smooth: Arc::new(g.function("smooth", dims, &smooth).unwrap()),
         inertia: Inertia::Identity,

@@ -680,6 +680,10 @@ impl Engine {
                 return Ok(false);
             }
             let closed = &self.contact_events.scene.closed;
+            if let Some(text) = self.field.scene().and_then(|c| c.product_at_rest(closed)) {
+                self.fail(Outcome::NoContinuation, text);
+                return Ok(false);
+            }
             let found = self.field.with_contacts(self.t, &self.x, |c, at, _| {
                 let sizes = &c.sizes;
                 let loaded = c.is_at(at);
@@ -702,6 +706,12 @@ impl Engine {
             }
             self.contact_events.scene.struck = true;
             self.log.one_sided = true;
+        }
+        if self.field.scene().is_some_and(|c| c.dynamics.mechanics.n_switches > 0) {
+            let text = "no weights of switches and no contact forces continue the motion: either the sign of a switching function is \
+                        undecided, as it and its rates vanish together, or friction and normal force contradict each other (Painlevé)";
+            self.fail(Outcome::NoContinuation, text.into());
+            return Ok(false);
         }
         let bilateral = |c: &Contacts| c.dynamics.mechanics.contacts.iter().any(|c| c.kind == Kind::Bilateral);
         let text = if self.field.scene().is_some_and(bilateral) {
@@ -785,11 +795,7 @@ impl Engine {
                 }
                 let n_q = c.dynamics.mechanics.n_q;
                 let n_t = c.dynamics.mechanics.contacts[i].n_tangents;
-                let size = |k: usize| -> f64 {
-                    let states = at.x[n_q..].iter().zip(&floor[n_q..]);
-                    c.dynamics.tangent(i, k).iter().zip(states).map(|(g, (v, f))| g.abs() * (v.abs() + f)).sum()
-                };
-                let size = (0..n_t).map(size).fold(0.0, f64::max);
+                let size = b.sliding_size(n_q, (at.t, at.x), &floor);
                 let stops = event == Some((i, ContactWatch::Speed));
                 // an impact moves joints that stuck, whatever has led to it
                 let pushed = *struck && c.dynamics.is_joint(i);
@@ -801,10 +807,11 @@ impl Engine {
                 let rests = stops || sticks || speed <= still.max(AT_REST * size) || carried;
                 *creeps |= rests && speed > AT_REST * size;
                 out.push(Closed { contact: i, rests });
-                likely.extend((!rests && speed <= STILL * size).then_some(out.len() - 1));
+                // switching functions that nearly vanish together need not do so
+                likely.extend((!rests && speed <= STILL * size && !c.dynamics.is_switch(i)).then_some(out.len() - 1));
             }
             // what slides together stops together
-            if let Some((stopped, ContactWatch::Speed)) = event {
+            if let Some((stopped, ContactWatch::Speed)) = event.filter(|e| !c.dynamics.is_switch(e.0)) {
                 for &k in likely.iter() {
                     out[k].rests = c.dynamics.stops_with(out[k].contact, stopped, modes);
                     *creeps |= out[k].rests;
@@ -818,6 +825,19 @@ impl Engine {
 }
 
 impl Contacts {
+    /// Says that two switches that multiply each other are at zero at once, where they are.
+    fn product_at_rest(&self, closed: &[Closed]) -> Option<String> {
+        let name = |i: usize| &self.dynamics.mechanics.contacts[i].name;
+        self.dynamics.multiplied(closed).map(|[a, b]| {
+            format!(
+                "{} and {} vanish together and multiply each other: what follows is no linear problem, and is not solved in scenes; \
+                 write a sum of terms that switch separately",
+                name(a),
+                name(b)
+            )
+        })
+    }
+
     /// What is wrong with the friction of contact `i`, which is loaded, in words.
     pub(super) fn flaw_of_friction(&self, i: usize) -> Option<String> {
         let (b, c) = (self.dynamics.block(i), &self.dynamics.mechanics.contacts[i]);

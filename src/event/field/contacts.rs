@@ -253,13 +253,8 @@ impl Field {
         let floor = &self.floor;
         let Some(c) = &mut self.contacts else { return };
         let n_q = c.dynamics.mechanics.n_q;
-        let size = |b: &Block| {
-            let row = |k: usize| {
-                let states = x[n_q..].iter().zip(&floor[n_q..]);
-                b.tangent(k).iter().zip(states).map(|(g, (v, f))| g.abs() * (v.abs() + f)).sum::<f64>()
-            };
-            (0..b.n_tangents()).map(row).fold(0.0, f64::max)
-        };
+        let t = c.last_t;
+        let size = |b: &Block| b.sliding_size(n_q, (t, x), floor);
         c.dynamics.find_carried(&self.active, &size);
     }
 
@@ -569,11 +564,13 @@ impl Contacts {
         if m != mode::OPEN {
             self.dynamics.load_contact(at, i)?;
             out[1] = self.dynamics.force_size(i);
-            if self.dynamics.is_joint(i) {
+            if self.dynamics.is_switch(i) {
+                // what its weight is compared with
+                out[1] = 1.0;
+            } else if self.dynamics.is_joint(i) {
                 out[1] = out[1].max(self.dynamics.block(i).stiction.abs());
             }
-            let n_t = self.dynamics.mechanics.contacts[i].n_tangents;
-            out[2] = (0..n_t).map(|k| sum(self.dynamics.tangent(i, k), n_q)).fold(0.0, f64::max);
+            out[2] = self.dynamics.block(i).sliding_size(n_q, (at.t, at.x), floor);
         }
         Ok(out)
     }

@@ -397,7 +397,9 @@ def plot_contacts(
     plt = _pyplot()
     drawn = [name for name, _, _ in bands][:12]
     by_name = {c.name: c for c in scene.contacts}
-    gaps = scene.function([by_name[name].gap for name in drawn], "gaps")
+    # a switch has no gap
+    none = scene.graph.of(0.0)
+    gaps = scene.function([by_name[name].gap if name in by_name else none for name in drawn], "gaps")
     given = p if p is not None else run._p
     u = numpy.zeros(scene.nu)
     values = numpy.array([gaps(state, u, given, time) for state, time in zip(x, t)])

@@ -228,7 +228,8 @@ class Scene(_ContactSystem):
         self._set("set_inertia", given, (self.n_v, self.n_v), "inertia")
 
     def force(self, values: Any) -> None:
-        """Set the forces, one for every velocity: all that stands beside M v' but contact forces, smooth expressions."""
+        """Set the forces, one for every velocity: all that stands beside M v' but contact forces. They may switch (`sign`,
+        `where`, tables); switches stand behind the contacts in `report_data()["contacts"]`, and their weights in `run.force`."""
         self._set("set_force", values, (self.n_v,), "force")
 
     def contact(
@@ -276,8 +277,8 @@ class Scene(_ContactSystem):
         return made
 
     def state_rates(self, values: Any) -> None:
-        """Set the rates of the states beside coordinates and velocities, one for each, smooth expressions of states, controls,
-        parameters and time.
+        """Set the rates of the states beside coordinates and velocities, one for each, expressions of states, controls, parameters
+        and time, which may switch.
 
             s = swb.Scene("angle", u="U", states="current")
             s.force([0.1 * s.current])
