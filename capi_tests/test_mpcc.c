@@ -204,6 +204,73 @@ static void outcomes(void)
     swb_mpcc_free(mpcc);
 }
 
+static int32_t three(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = 2 * at->x[0] + at->x[1] - 3;
+    out[1] = at->x[1] - at->x[0] + 5;
+    out[2] = at->x[2] - 4;
+    return 0;
+}
+
+static int32_t nothing(const swb_point *at, double *out, void *user_data)
+{
+    (void)at, (void)user_data;
+    out[0] = 0;
+    return 0;
+}
+
+/* A free variable, one held at its lower bound, one at its upper bound: x = (2, -1, 1), F = (0, 2, -3). */
+static void boxes(void)
+{
+    swb_function *f = make_function("f", 3, 0, 0, 1, nothing, NULL), *c = make_function("c", 3, 0, 0, 3, three, NULL);
+    swb_mpcc *mpcc = NULL;
+    double lower[3] = {-INFINITY, -1, 0}, upper[3] = {INFINITY, INFINITY, 1}, x[3], rows[3];
+    char name[16];
+    int32_t outcome;
+    int64_t k;
+
+    CHECK_OK(swb_mpcc_create(3, 0, f, c, NULL, &mpcc));
+    for (k = 0; k < 3; k++)
+        CHECK_OK(swb_mpcc_add_box(mpcc, k, k));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_mpcc_add_box(mpcc, 1, 2));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_mpcc_add_pair(mpcc, V, 0, C, 2));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_add_box(mpcc, 3, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_add_box(mpcc, 0, -1));
+    CHECK_STATUS(SWB_ERR_NULL, swb_mpcc_add_box(NULL, 0, 0));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_mpcc_set_bounds(mpcc, upper, 3, lower, 3));
+    CHECK_OK(swb_mpcc_set_name(mpcc, SWB_ITEM_BOX, 2, "gate"));
+    CHECK_OK(swb_mpcc_get_name(mpcc, SWB_ITEM_BOX, 2, name, sizeof name, NULL));
+    CHECK(strcmp(name, "gate") == 0);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_set_name(mpcc, SWB_ITEM_BOX, 3, "gate"));
+    CHECK_OK(swb_mpcc_set_bounds(mpcc, lower, 3, upper, 3));
+    CHECK_OK(swb_mpcc_solve(mpcc, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_mpcc_get_solution(mpcc, x, 3));
+    CHECK_OK(swb_mpcc_get_constraints(mpcc, rows, 3));
+    CHECK_NEAR(x[0], 2, 1e-7);
+    CHECK_NEAR(x[1], -1, 1e-7);
+    CHECK_NEAR(x[2], 1, 1e-7);
+    CHECK_NEAR(rows[0], 0, 1e-7);
+    CHECK_NEAR(rows[1], 2, 1e-7);
+    CHECK_NEAR(rows[2], -3, 1e-7);
+    CHECK_OK(swb_mpcc_get_pairs(mpcc, NULL, NULL, NULL, NULL, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_get_pairs(mpcc, NULL, NULL, NULL, NULL, 2));
+    /* other bounds are finite: the solution is started from although other pairs stand for the boxes */
+    lower[0] = upper[0] = 0.5;
+    lower[2] = -INFINITY;
+    CHECK_OK(swb_mpcc_set_bounds(mpcc, lower, 3, upper, 3));
+    CHECK_OK(swb_mpcc_resolve(mpcc, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_mpcc_get_solution(mpcc, x, 3));
+    CHECK_NEAR(x[0], 0.5, 1e-7);
+    CHECK_NEAR(x[1], -1, 1e-7);
+    CHECK_NEAR(x[2], 1, 1e-7);
+    swb_mpcc_free(mpcc);
+    swb_function_free(f);
+    swb_function_free(c);
+}
+
 static void refusals(void)
 {
     swb_mpcc *mpcc = make(&PROBLEMS[5]), *none = NULL;
@@ -255,6 +322,7 @@ int main(void)
     multipliers();
     parameters();
     outcomes();
+    boxes();
     refusals();
     return CHECK_DONE();
 }

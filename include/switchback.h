@@ -1931,6 +1931,10 @@ enum swb_item
      * A complementarity pair, in the order they were added, by min(G, H).
      */
     SWB_ITEM_PAIR = 2,
+    /**
+     * A box, in the order they were added, by the distance of its variable and constraint from complementarity.
+     */
+    SWB_ITEM_BOX = 3,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -2220,7 +2224,8 @@ typedef struct swb_model swb_model;
 
 /**
  * Nonlinear program with complementarity constraints: minimise f(w,p) subject to bounds on w and c(w,p),
- * and 0 <= G _|_ H >= 0 for pairs of variables or rows of c. Without pairs, a nonlinear program.
+ * 0 <= G _|_ H >= 0 for pairs of variables or rows of c, and boxes lower <= w_i <= upper _|_ c_j. Without pairs and boxes, a
+ * nonlinear program.
  */
 typedef struct swb_mpcc swb_mpcc;
 
@@ -9047,6 +9052,22 @@ swb_status swb_mpcc_add_pair(struct swb_mpcc *mpcc,
                              int64_t index_h);
 
 /**
+ * Add the box lower <= w_i <= upper _|_ c_j: the constraint is not negative where the variable is at its lower bound, not positive
+ * at its upper bound, and zero between them. The bounds are those of the variable (swb_mpcc_set_bounds) at the time of a solve;
+ * infinite ones take no part. Where both are equal any value of the constraint will do. A mixed complementarity
+ * problem (MCP) is a box for every variable with an objective that is zero; lower bounds zero and upper bounds infinite make a
+ * nonlinear complementarity problem.
+ *
+ * @param[in] variable   its index; it may be in several boxes and pairs
+ * @param[in] constraint its index; its own bounds are not used, and it may be in one box or pair only
+ * @return SWB_OK; SWB_ERR_RANGE if the constraint is in a pair or box; SWB_ERR_DIMENSION if there is no such index
+ */
+SWB_API
+swb_status swb_mpcc_add_box(struct swb_mpcc *mpcc,
+                            int64_t variable,
+                            int64_t constraint);
+
+/**
  * Give second derivatives in one piece, in place of the Hessians of objective and constraints.
  *
  * For functions described with swb_function_set_linear nothing else is prepared, although they are not linear.
@@ -9344,10 +9365,10 @@ SWB_API const char *swb_doubt_name(int32_t doubt);
 SWB_API const char *swb_second_order_name(int32_t second_order);
 
 /**
- * Name a variable, a constraint or a pair: reports and messages of the log use it.
+ * Name a variable, a constraint, a pair or a box: reports and messages of the log use it.
  *
  * @param[in] kind  an enum swb_item
- * @param[in] index its number; pairs count in the order they were added
+ * @param[in] index its number; pairs and boxes count in the order they were added
  * @param[in] name  copied; NULL or "" takes a name away
  * @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
  */
@@ -9358,11 +9379,11 @@ swb_status swb_mpcc_set_name(struct swb_mpcc *mpcc,
                              const char *name);
 
 /**
- * Name all variables, constraints or pairs.
+ * Name all variables, constraints, pairs or boxes.
  *
  * @param[in] kind  an enum swb_item
  * @param[in] names [n] copied; NULL or "" for no name
- * @param[in] n     number of variables, constraints or pairs
+ * @param[in] n     number of variables, constraints, pairs or boxes
  * @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
  */
 SWB_API

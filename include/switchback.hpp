@@ -1683,7 +1683,7 @@ struct Member {
 inline Member variable(int64_t index) { return {SWB_MEMBER_VARIABLE, index}; }
 inline Member constraint(int64_t index) { return {SWB_MEMBER_CONSTRAINT, index}; }
 
-/// A nonlinear program, with complementarity pairs or without.
+/// A nonlinear program, with complementarity pairs and boxes or without.
 class Mpcc : public detail::Solver<swb_mpcc, detail::mpcc_calls> {
 public:
     using LagrangianHessian = std::function<int(const swb_point &, double, const double *, double *)>;
@@ -1697,6 +1697,8 @@ public:
         detail::check(swb_mpcc_add_pair(get(), g.kind, g.index, h.kind, h.index));
         ++n_pairs_;
     }
+    /// The box lower <= w_i <= upper _|_ c_j of a variable and a constraint.
+    void box(int64_t variable, int64_t constraint) { detail::check(swb_mpcc_add_box(get(), variable, constraint)); }
     void bounds(View lower, View upper) {
         detail::check(swb_mpcc_set_bounds(get(), lower.data(), lower.length(), upper.data(), upper.length()));
     }

@@ -756,7 +756,10 @@ static void random_program(struct random *r, const swb_settings *s)
     if (!DO(swb_mpcc_create, n, 0, objective, rows, s, &mpcc))
         return;
     pool_add(T_swb_mpcc, mpcc);
-    DO(swb_mpcc_add_pair, mpcc, SWB_MEMBER_VARIABLE, 0, SWB_MEMBER_VARIABLE, 1);
+    if (m && random_once_in(r, 2))
+        DO(swb_mpcc_add_box, mpcc, 0, 0);
+    else
+        DO(swb_mpcc_add_pair, mpcc, SWB_MEMBER_VARIABLE, 0, SWB_MEMBER_VARIABLE, 1);
 }
 
 static void functions_of_casadi(struct random *r)

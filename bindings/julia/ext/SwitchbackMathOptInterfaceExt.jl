@@ -86,44 +86,39 @@ function MOI.copy_to(o::Optimizer, source::MOI.ModelLike)
             o.rows[c] = length(row_low)
         end
     end
-    pairs = complementarity_rows!(model, row_low, row_high, complements, o.columns, low, high)
+    boxes = complementarity_rows!(model, row_low, row_high, complements, o.columns)
     o.sense = MOI.get(source, MOI.ObjectiveSense())
     if o.sense != MOI.FEASIBILITY_SENSE
         F = MOI.get(source, MOI.ObjectiveFunctionType())
         MOI.Nonlinear.set_objective(model, MOI.get(source, MOI.ObjectiveFunction{F}()))
     end
     start = [something(MOI.get(source, MOI.VariablePrimalStart(), v), clamp(0.0, low[k], high[k])) for (k, v) in enumerate(variables)]
-    o.program = program(o, model, variables, low, high, row_low, row_high, pairs, start)
+    o.program = program(o, model, variables, low, high, row_low, row_high, boxes, start)
     return index_map
 end
 
 """
-Rows for the functions that are complementary to variables: `f ⟂ x` with x >= a means 0 <= f ⟂ x - a >= 0, with x <= b the
-same for -f and b - x. Pairs of rows; variables with both bounds, or none, are refused.
+Rows for the functions that are complementary to variables, and the boxes of both: f is not negative where its variable is at its
+lower bound, not positive at its upper bound, and zero between them.
 """
-function complementarity_rows!(model, row_low, row_high, complements, columns, low, high)
-    pairs = []
-    row(f) = (MOI.Nonlinear.add_constraint(model, f, MOI.GreaterThan(0.0)); push!(row_low, 0.0); push!(row_high, Inf); length(row_low))
+function complementarity_rows!(model, row_low, row_high, complements, columns)
+    boxes = Tuple{Int,Int}[]
     for f in complements
         n = MOI.output_dimension(f) ÷ 2
         for i in 1:n
             x = MOI.Utilities.scalarize(f)[n+i]
             variable = x isa MOI.VariableIndex ? x : only(x.terms).variable
-            k = columns[variable]
-            if isfinite(low[k]) && !isfinite(high[k])
-                push!(pairs, (constraint(row(scalar(f, i))), constraint(row(1.0 * variable - low[k]))))
-            elseif isfinite(high[k]) && !isfinite(low[k])
-                push!(pairs, (constraint(row(-1.0 * scalar(f, i))), constraint(row(high[k] - 1.0 * variable))))
-            else
-                error("Switchback: a variable in Complements needs exactly one finite bound")
-            end
+            MOI.Nonlinear.add_constraint(model, scalar(f, i), MOI.EqualTo(0.0))
+            push!(row_low, 0.0)
+            push!(row_high, 0.0)
+            push!(boxes, (columns[variable], length(row_low)))
         end
     end
-    return pairs
+    return boxes
 end
 
 "The program with the sparse derivatives of MOI.Nonlinear."
-function program(o, model, variables, low, high, row_low, row_high, pairs, start)
+function program(o, model, variables, low, high, row_low, row_high, boxes, start)
     evaluator = MOI.Nonlinear.Evaluator(model, MOI.Nonlinear.SparseReverseMode(), variables)
     MOI.initialize(evaluator, [:Grad, :Jac, :Hess])
     n, m = length(variables), length(row_low)
@@ -151,7 +146,7 @@ function program(o, model, variables, low, high, row_low, row_high, pairs, start
     rows = m == 0 ? NamedTuple() : (constraints = values, n_constraints = m, constraint_bounds = (row_low, row_high), jac = jac, jac_prototype = jac_prototype)
     return Mpcc(n, x -> has_objective ? sign_ * MOI.eval_objective(evaluator, x) : 0.0;
                 gradient = x -> (g = zeros(n); has_objective && MOI.eval_objective_gradient(evaluator, g, x); sign_ * g), rows...,
-                hess = hess, hess_prototype = hess_prototype, pairs = pairs, bounds = (low, high), start = start,
+                hess = hess, hess_prototype = hess_prototype, boxes = boxes, bounds = (low, high), start = start,
                 on_log = (level, line) -> println(line), options...)
 end
 

@@ -58,7 +58,7 @@ export Ocp, OcpResult, MultiPhase, MultiPhaseResult, solve!, result, set_lagrang
     set_initial_bounds!, set_control_bounds!, set_param_bounds!, set_nominal!, set_initial_state!, set_initial_time!, set_stage_params!,
     set_state_guess!, set_control_guess!, set_elements!, set_durations!, set_free_time!, add_horizon!, set_linear_controls!,
     shift!, certificate, freezing_report, sensitivity, multipliers, modes, set_modes!, random_starts, solve_starts!, link!, link_continuous!, link_reset!
-export Mpcc, Nlp, MpccResult, minimize, variable, constraint, add_pair!, set_hessian!, set_bounds!, set_constraint_bounds!,
+export Mpcc, Nlp, MpccResult, minimize, variable, constraint, add_pair!, add_box!, set_hessian!, set_bounds!, set_constraint_bounds!,
     set_start!, set_warm_start!, set_names!
 export Settings, options, validate, set!, settings, set_settings!, on_iteration!, on_log!, interrupt!, print_iteration, to_json,
     from_json, picture, FilippovProblem

@@ -44,14 +44,15 @@ lagrangian_pointer(::C) where {C} =
     @cfunction(lagrangian_entry, Int32, (Ptr{Lib.swb_point}, Float64, Ptr{Float64}, Ptr{Float64}, Ref{C}))
 
 """
-    Mpcc(n, objective; constraints, n_constraints, parameters = 0, pairs, bounds, constraint_bounds, start, params, gradient,
+    Mpcc(n, objective; constraints, n_constraints, parameters = 0, pairs, boxes, bounds, constraint_bounds, start, params, gradient,
          jac, jac_prototype, hess, hess_prototype, names, constraint_names, pair_names, on_iteration, on_log, options...)
 
-Minimise f(x, p) over n variables subject to bounds on x and c(x, p), and 0 <= G ⟂ H >= 0 for pairs of variables or rows of c.
+Minimise f(x, p) over n variables subject to bounds on x and c(x, p), 0 <= G ⟂ H >= 0 for pairs of variables or rows of c, and
+boxes lower <= x_i <= upper ⟂ c_j.
 
 Functions are those of `ModelFunction`; they may call the variables x or w. `n_constraints` is needed where neither the bounds
 nor the constraints tell it. Bounds are (lower, upper), `nothing` is no bound, one number is for all. A member of a pair is
-`variable(i)`, or just i, or `constraint(i)`.
+`variable(i)`, or just i, or `constraint(i)`. A box is (i, j), the numbers of a variable and a constraint.
 
 Derivatives of Julia functions: `gradient` of the objective, `jac` of the constraints, with a row for each and a column for
 each of x, and `hess(x, weight, y)` of weight times the objective plus y times the constraints, symmetric, in place of those
@@ -69,7 +70,7 @@ mutable struct Mpcc <: AnyProgram
     log::Monitor
 end
 
-function Mpcc(n::Integer, objective; constraints = nothing, n_constraints = nothing, parameters = 0, pairs = (), bounds = nothing,
+function Mpcc(n::Integer, objective; constraints = nothing, n_constraints = nothing, parameters = 0, pairs = (), boxes = (), bounds = nothing,
               constraint_bounds = nothing, start = nothing, params = nothing, gradient = nothing, gradient_prototype = nothing,
               jac = nothing, jac_prototype = nothing, hess = nothing, hess_prototype = nothing, names = nothing,
               constraint_names = nothing, pair_names = nothing, settings = nothing, on_iteration = nothing, on_log = nothing,
@@ -90,6 +91,10 @@ function Mpcc(n::Integer, objective; constraints = nothing, n_constraints = noth
         pair isa Union{Tuple,Pair,AbstractVector} && length(pair) == 2 || mistake(:dimension, "a pair must have two members, not $(repr(pair))")
         add_pair!(o, pair[1], pair[2])
     end
+    for box in boxes
+        box isa Union{Tuple,Pair,AbstractVector} && length(box) == 2 || mistake(:dimension, "a box must have a variable and a constraint, not $(repr(box))")
+        add_box!(o, box[1], box[2])
+    end
     bounds === nothing || set_bounds!(o, bound_pair(bounds, "bounds")...)
     constraint_bounds === nothing || set_constraint_bounds!(o, bound_pair(constraint_bounds, "constraint_bounds")...)
     params === nothing || set_params!(o, params)
@@ -106,6 +111,7 @@ end
 A nonlinear program: an `Mpcc` without pairs.
 """
 function Nlp(n::Integer, objective; keywords...)
+    haskey(keywords, :boxes) && mistake(:unsupported, "a nonlinear program has no boxes: use Mpcc")
     haskey(keywords, :pairs) && mistake(:unsupported, "a nonlinear program has no pairs: use Mpcc")
     return Mpcc(n, objective; keywords...)
 end
@@ -146,6 +152,19 @@ function add_pair!(o::Mpcc, g, h)
     end
     check(Lib.swb_mpcc_add_pair(o, a.kind, a.index - 1, b.kind, b.index - 1))
     o.n_pairs += 1
+    return o
+end
+
+"""
+    add_box!(program, i, j)
+
+Add the box lower <= x_i <= upper ⟂ c_j of variable i and constraint j: the constraint is not negative where the variable is at
+its lower bound, not positive at its upper bound, and zero between them. Infinite bounds take no part.
+"""
+function add_box!(o::Mpcc, i, j)
+    index(i, o.n, "variable of a box")
+    index(j, o.m, "constraint of a box")
+    check(Lib.swb_mpcc_add_box(o, i - 1, j - 1))
     return o
 end
 

@@ -25,10 +25,16 @@ pub enum swb_item {
     Constraint = 1,
     /// A complementarity pair, in the order they were added, by min(G, H).
     Pair = 2,
+    /// A box, in the order they were added, by the distance of its variable and constraint from complementarity.
+    Box = 3,
 }
 
-const ITEMS: [(swb_item, &str); 3] =
-    [(swb_item::Variable, "variable"), (swb_item::Constraint, "constraint"), (swb_item::Pair, "pair")];
+const ITEMS: [(swb_item, &str); 4] = [
+    (swb_item::Variable, "variable"),
+    (swb_item::Constraint, "constraint"),
+    (swb_item::Pair, "pair"),
+    (swb_item::Box, "box"),
+];
 
 impl swb_item {
     fn of(kind: i32) -> Result<swb_item> {
@@ -220,7 +226,7 @@ impl swb_certificate {
 
 /// Names that the user gave.
 #[derive(Default)]
-pub(super) struct Names([Vec<Option<String>>; 3]);
+pub(super) struct Names([Vec<Option<String>>; 4]);
 
 impl Names {
     /// Makes room for, or drops, names at the end.
@@ -244,6 +250,7 @@ impl Program {
             swb_item::Variable => self.n,
             swb_item::Constraint => self.m,
             swb_item::Pair => self.members.len(),
+            swb_item::Box => self.boxes.len(),
         }
     }
 
@@ -266,14 +273,11 @@ impl Program {
         let r = self.result()?;
         let Some(local) = r.local() else { return Ok(Vec::new()) };
         let mut list = Vec::new();
-        // members of a pair, their rows and the pair itself are one item
-        let mut seen = vec![false; self.members.len()];
         for (item, by) in diagnostics::worst(&local) {
             let (kind, i) = self.own(r, item);
-            if kind != swb_item::Pair || !std::mem::replace(&mut seen[i], true) {
-                list.push((kind, i, by));
-            }
+            list.push((kind, i, by));
         }
+        self.once(&mut list);
         Ok(list)
     }
 
@@ -285,9 +289,19 @@ impl Program {
         let variables = conflict.variables.iter().map(|&(j, w)| (diagnostics::Item::Variable(j), w));
         let mut all: Vec<_> = rows.chain(variables).map(|(item, w)| (self.own(r, item), w)).collect();
         all.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        let mut seen = vec![false; self.members.len()];
-        all.retain(|((kind, i), _)| *kind != swb_item::Pair || !std::mem::replace(&mut seen[*i], true));
-        Ok(all.into_iter().map(|((kind, i), w)| (kind, i, w)).collect())
+        let mut all = all.into_iter().map(|((kind, i), w)| (kind, i, w)).collect();
+        self.once(&mut all);
+        Ok(all)
+    }
+
+    /// Members of a pair or box, their rows and the pair itself are one item, the first of them.
+    fn once(&self, list: &mut Vec<(swb_item, usize, f64)>) {
+        let (mut pairs, mut boxes) = (vec![false; self.members.len()], vec![false; self.boxes.len()]);
+        list.retain(|(kind, i, _)| match kind {
+            swb_item::Pair => !std::mem::replace(&mut pairs[*i], true),
+            swb_item::Box => !std::mem::replace(&mut boxes[*i], true),
+            _ => true,
+        });
     }
 
     pub(super) fn warnings(&self, r: &Outcome1) -> Vec<String> {
@@ -363,7 +377,7 @@ impl Program {
         if s.found_by != FoundBy::Path {
             line("found by", s.found_by.name().to_owned());
         }
-        if !self.members.is_empty() {
+        if self.members.len() + self.boxes.len() > 0 {
             let c = &s.certificate;
             let sharp = if c.sharp { " (none stronger)" } else { "" };
             let doubt = if c.doubt == Doubt::None { String::new() } else { format!(", in doubt: {}", c.doubt.name()) };
@@ -381,7 +395,9 @@ impl Program {
             let c = &s.certificate;
             line("second order", format!("{}, {} dependent active constraints", c.second.name(), c.dependent));
         }
-        line("program", format!("{} variables, {} constraints, {} pairs", self.n, self.m, self.members.len()));
+        let boxes = if self.boxes.is_empty() { String::new() } else { format!(", {} boxes", self.boxes.len()) };
+        let pairs = self.members.len();
+        line("program", format!("{} variables, {} constraints, {pairs} pairs{boxes}", self.n, self.m));
         line(
             "iterations",
             format!(
@@ -432,10 +448,10 @@ impl Program {
 
 // --- exports ------------------------------------------------------------------------------------------
 
-/// Name a variable, a constraint or a pair: reports and messages of the log use it.
+/// Name a variable, a constraint, a pair or a box: reports and messages of the log use it.
 ///
 /// @param[in] kind  an enum swb_item
-/// @param[in] index its number; pairs count in the order they were added
+/// @param[in] index its number; pairs and boxes count in the order they were added
 /// @param[in] name  copied; NULL or "" takes a name away
 /// @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 #[no_mangle]
@@ -456,11 +472,11 @@ pub unsafe extern "C" fn swb_mpcc_set_name(
     })
 }
 
-/// Name all variables, constraints or pairs.
+/// Name all variables, constraints, pairs or boxes.
 ///
 /// @param[in] kind  an enum swb_item
 /// @param[in] names [n] copied; NULL or "" for no name
-/// @param[in] n     number of variables, constraints or pairs
+/// @param[in] n     number of variables, constraints, pairs or boxes
 /// @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_set_names(

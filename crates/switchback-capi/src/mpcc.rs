@@ -21,13 +21,14 @@ use switchback::linalg::csc::Pattern;
 use switchback::linalg::kkt::LinearStats;
 use switchback::memory::{self, sizes};
 use switchback::mpcc::diagnostics::{self, Item};
-use switchback::mpcc::{Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver, NoProposals, Solution, Warm};
+use switchback::mpcc::{Boxed, Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver, NoProposals, Solution, Warm};
 use switchback::nlp::{Bounds, CallbackNlp, LagrangianFn, Nlp, Outcome, Residuals};
 use switchback::settings::{LogLevel, Settings, Value};
 use switchback::system::SharedFunction;
 
 /// Nonlinear program with complementarity constraints: minimise f(w,p) subject to bounds on w and c(w,p),
-/// and 0 <= G _|_ H >= 0 for pairs of variables or rows of c. Without pairs, a nonlinear program.
+/// 0 <= G _|_ H >= 0 for pairs of variables or rows of c, and boxes lower <= w_i <= upper _|_ c_j. Without pairs and boxes, a
+/// nonlinear program.
 pub struct swb_mpcc(());
 impl Object for swb_mpcc {
     type Value = Program;
@@ -46,6 +47,8 @@ pub enum swb_member {
 
 struct Built {
     problem: Lifted<CallbackNlp>,
+    /// What it was made of: boxes are other pairs where other bounds are infinite.
+    members: Vec<(Member, Member)>,
     solver: MpccSolver,
     jac: Arc<Pattern>,
 }
@@ -64,8 +67,16 @@ pub(super) struct Outcome1 {
     pub solution: Solution,
     /// Rows at the solution.
     pub c: Vec<f64>,
-    /// Variables of the members of the pairs, in the lifted problem.
+    /// The point.
+    pub x: Vec<f64>,
+    /// Multipliers of the bounds.
+    pub z: Vec<f64>,
+    /// Variables of the members of the pairs, in the lifted problem: pairs that were added, then those of boxes.
     pub pairs: Vec<(usize, usize)>,
+    /// Variables of the lifted problem that are copies, in the order of their rows.
+    copies: Vec<usize>,
+    /// Box of every pair behind those that were added.
+    boxes: Vec<usize>,
     pub time_build: f64,
     pub dimensions: (usize, usize, usize),
     pub linear: LinearStats,
@@ -94,6 +105,7 @@ impl Outcome1 {
 }
 
 /// Point and multipliers of the program's own variables and rows to start from.
+#[derive(Clone)]
 struct WarmStart {
     x: Vec<f64>,
     y: Vec<f64>,
@@ -117,7 +129,8 @@ pub struct Program {
     constraints: Option<SharedFunction>,
     hessian: Option<(Pattern, Arc<LagrangianFn>)>,
     pub(super) members: Vec<(Member, Member)>,
-    /// Is a constraint a member of a pair? `[m]`
+    pub(super) boxes: Vec<Boxed>,
+    /// Is a constraint in a pair or box? `[m]`
     paired: Vec<bool>,
     pub(super) names: Names,
     bounds: Bounds,
@@ -146,6 +159,7 @@ impl Program {
             constraints,
             hessian: None,
             members: Vec::new(),
+            boxes: Vec::new(),
             paired: vec![false; m],
             names: Names::default(),
             bounds: Bounds::free(n, m),
@@ -184,8 +198,19 @@ impl Program {
         i.map(make).ok_or_else(|| Error::Dimension(format!("the index of {what} is {index}, outside 0..{len}")))
     }
 
-    fn build(&mut self) -> Result<f64> {
-        if self.built.get().is_some() {
+    /// Pairs that were added and those of the boxes, the boxes of the latter, and the bounds of what is no pair.
+    #[allow(clippy::type_complexity)]
+    fn pairs(&self) -> Result<(Vec<(Member, Member)>, Vec<usize>, Bounds)> {
+        let (mut members, mut boxes, mut bounds) = (self.members.clone(), Vec::new(), self.bounds.clone());
+        for (k, one) in self.boxes.iter().enumerate() {
+            one.write(&mut bounds, &mut members)?;
+            boxes.resize(members.len() - self.members.len(), k);
+        }
+        Ok((members, boxes, bounds))
+    }
+
+    fn build(&mut self, members: Vec<(Member, Member)>) -> Result<f64> {
+        if self.built.get().as_ref().is_some_and(|b| b.members == members) {
             return Ok(0.0);
         }
         let clock = Instant::now();
@@ -193,46 +218,35 @@ impl Program {
         if let Some((pattern, hessian)) = &self.hessian {
             inner = inner.with_lagrangian(pattern.clone(), hessian.clone())?;
         }
-        let mut problem = Lifted::new(inner, &self.members)?;
+        let mut problem = Lifted::new(inner, &members)?;
         let solver = MpccSolver::new(&mut problem, MpccSettings::from(&self.settings))?;
         let jac = Arc::new(problem.jac_pattern().clone());
-        *self.built.get() = Some(Built { problem, solver, jac });
+        *self.built.get() = Some(Built { problem, members, solver, jac });
         Ok(clock.elapsed().as_secs_f64())
     }
 
-    /// Point and multipliers of the lifted problem to start from; nothing for a cold start.
-    fn warmth(&mut self, from: From) -> Result<Option<WarmStart>> {
+    /// Point and multipliers of the lifted problem to start from; nothing for a cold start. `same`: the last solution is one of the
+    /// problem as it is now.
+    fn warmth(&mut self, from: From, same: bool) -> Result<Option<WarmStart>> {
+        let mut own = self.warm.clone();
         if from == From::Last {
-            let s = &self.result()?.solution;
+            let r = self.result()?;
+            let s = &r.solution;
             let usable = !matches!(
                 s.outcome,
                 Outcome::Failed | Outcome::Infeasible | Outcome::LocallyInfeasible | Outcome::Diverging
             );
-            return Ok(usable.then(|| WarmStart { x: s.x.clone(), y: s.y.clone(), z: s.z.clone() }));
-        }
-        let (n, m) = (self.n, self.m);
-        let (Some(own), Some(Built { problem, .. })) = (&self.warm, self.built.get()) else { return Ok(None) };
-        let mut warm = WarmStart { x: problem.start(&own.x), y: own.y.clone(), z: own.z.clone() };
-        warm.y.resize(problem.m(), 0.0);
-        warm.z.resize(problem.n(), 0.0);
-        let mut copies = m;
-        for (k, members) in self.members.iter().enumerate() {
-            let places = problem.pair(k);
-            for (member, v) in [(members.0, places.0), (members.1, places.1)] {
-                match member {
-                    // the row G(w) - v = 0 has the multiplier of the constraint, and v takes it up
-                    Member::Row(i) => warm.z[v] = -warm.y[i],
-                    // the first copy of a variable takes its multiplier; the copy's row passes it on
-                    Member::Variable(j) if v >= n => {
-                        warm.z[v] = std::mem::take(&mut warm.z[j]);
-                        warm.y[copies] = -warm.z[v];
-                        copies += 1;
-                    }
-                    Member::Variable(_) => {}
-                }
+            if !usable {
+                return Ok(None);
             }
+            if same {
+                return Ok(Some(WarmStart { x: s.x.clone(), y: s.y.clone(), z: s.z.clone() }));
+            }
+            own = Some(WarmStart { x: r.x.clone(), y: s.y[..self.m].to_vec(), z: r.z.clone() });
         }
-        Ok(Some(warm))
+        let (Some(own), Some(Built { problem, .. })) = (own, self.built.get()) else { return Ok(None) };
+        let (x, y, z) = problem.warm(&own.x, &own.y, &own.z);
+        Ok(Some(WarmStart { x, y, z }))
     }
 
     fn solve(&mut self, from: From) -> Result<Outcome> {
@@ -246,15 +260,20 @@ impl Program {
     fn solve_within(&mut self, from: From) -> Result<Outcome> {
         self.settings.validate()?;
         self.bounds.validate(self.n, self.m)?;
-        let time_build = self.build()?;
-        let warm = self.warmth(from)?;
-        let Some(Built { problem, solver, jac }) = self.built.get() else {
+        let (members, boxes, bounds) = self.pairs()?;
+        let same = self.built.get().as_ref().is_some_and(|b| b.members == members);
+        let time_build = self.build(members)?;
+        let Some(Built { problem, .. }) = self.built.get() else {
             return Err(Error::Internal("the program was not built".into()));
         };
         problem.inner().set_params(&self.params)?;
         problem.inner().forget_undefined();
-        let bounds = problem.bounds(&self.bounds)?;
+        let bounds = problem.bounds(&bounds)?;
         bounds.validate(problem.n(), problem.m())?;
+        let warm = self.warmth(from, same)?;
+        let Some(Built { problem, solver, jac, .. }) = self.built.get() else {
+            return Err(Error::Internal("the program was not built".into()));
+        };
         solver.settings = MpccSettings::from(&self.settings);
         let level = self.settings.verbosity();
         let (start, rows, seconds, result) = (&self.start, self.m, self.settings.max_time, &mut self.result);
@@ -271,7 +290,7 @@ impl Program {
             });
             let outcome = solver.solution().outcome;
             let undefined = problem.inner().undefined().map(|(f, part)| trouble::undefined(part, f));
-            *result = Some(Outcome1::of(problem, solver, jac, bounds, (start.len(), rows), time_build));
+            *result = Some(Outcome1::of(problem, solver, jac, bounds, boxes, (start.len(), rows), time_build));
             undefined.filter(|_| outcome == Outcome::Failed).map_or(Ok(outcome), Err)
         })?;
         let importance = if outcome == Outcome::Solved { LogLevel::Info } else { LogLevel::Warning };
@@ -302,36 +321,19 @@ impl Program {
         Ok(outcome)
     }
 
-    /// Variables of the program that members of pairs are copies of, and the copies: in the lifted problem.
-    fn copies(&self, r: &Outcome1) -> Vec<(usize, usize)> {
-        let members = self.members.iter().flat_map(|m| [m.0, m.1]);
-        let places = r.pairs.iter().flat_map(|p| [p.0, p.1]);
-        let copy = |(member, place)| match member {
-            Member::Variable(j) if place != j => Some((j, place)),
-            _ => None,
-        };
-        members.zip(places).filter_map(copy).collect()
-    }
-
-    /// Multipliers of the bounds of the program's own variables.
-    pub(super) fn bound_multipliers(&self) -> Result<Vec<f64>> {
-        let r = self.result()?;
-        let mut z = r.solution.z[..self.n].to_vec();
-        for (original, copy) in self.copies(r) {
-            z[original] += r.solution.z[copy];
-        }
-        Ok(z)
-    }
-
     /// What of the program an item of the lifted problem is.
     pub(super) fn own(&self, r: &Outcome1, item: Item) -> (swb_item, usize) {
-        let of_variable = |v: usize| r.pairs.iter().position(|p| p.0 == v || p.1 == v).unwrap_or(0);
+        let pair = |k: usize| match k.checked_sub(self.members.len()) {
+            None => (swb_item::Pair, k),
+            Some(k) => (swb_item::Box, r.boxes.get(k).copied().unwrap_or(0)),
+        };
+        let of_variable = |v: usize| pair(r.pairs.iter().position(|p| p.0 == v || p.1 == v).unwrap_or(0));
         match item {
             Item::Variable(j) if j < self.n => (swb_item::Variable, j),
-            Item::Variable(v) => (swb_item::Pair, of_variable(v)),
+            Item::Variable(v) => of_variable(v),
             Item::Row(i) if i < self.m => (swb_item::Constraint, i),
-            Item::Row(i) => (swb_item::Pair, of_variable(self.copies(r)[i - self.m].1)),
-            Item::Pair(k) => (swb_item::Pair, k),
+            Item::Row(i) => of_variable(r.copies[i - self.m]),
+            Item::Pair(k) => pair(k),
         }
     }
 
@@ -347,6 +349,7 @@ impl Outcome1 {
         solver: &MpccSolver,
         jac: &Arc<Pattern>,
         bounds: Bounds,
+        boxes: Vec<usize>,
         (n, m): (usize, usize),
         time_build: f64,
     ) -> Outcome1 {
@@ -360,6 +363,10 @@ impl Outcome1 {
             scaled: solution.residuals,
             jac: jac.clone(),
             facts: None,
+            x: problem.point(&solution.x),
+            z: problem.bound_multipliers(&solution.z),
+            copies: problem.copies(),
+            boxes,
             solution,
             pairs,
             time_build,
@@ -367,11 +374,11 @@ impl Outcome1 {
         if r.solution.outcome == Outcome::Failed {
             return r;
         }
-        let x = &r.solution.x;
-        if problem.inner().eval(&x[..n], &mut r.c).is_err() {
+        if problem.inner().eval(&r.x[..n], &mut r.c).is_err() {
             r.c.fill(f64::NAN);
             return r;
         }
+        let x = &r.solution.x;
         let mut facts = Facts {
             c: vec![0.0; problem.m()],
             grad: vec![0.0; problem.n()],
@@ -473,9 +480,7 @@ pub unsafe extern "C" fn swb_mpcc_add_pair(
             for member in [pair.0, pair.1] {
                 let Member::Row(i) = member else { continue };
                 if p.paired[i] {
-                    return Err(Error::Range(format!(
-                        "constraint {i} is in a pair already: make it a variable of its own and use that in both"
-                    )));
+                    return Err(in_use(i));
                 }
             }
             for member in [pair.0, pair.1] {
@@ -486,6 +491,43 @@ pub unsafe extern "C" fn swb_mpcc_add_pair(
             p.members.push(pair);
             p.names.set_len(swb_item::Pair, p.members.len());
             *p.built.get() = None;
+            p.result = None;
+            Ok(())
+        })
+    })
+}
+
+/// A constraint may be a member once.
+fn in_use(i: usize) -> Error {
+    Error::Range(format!(
+        "constraint {i} is in a pair or box already: make it a variable of its own and use that in both"
+    ))
+}
+
+/// Add the box lower <= w_i <= upper _|_ c_j: the constraint is not negative where the variable is at its lower bound, not positive
+/// at its upper bound, and zero between them. The bounds are those of the variable (swb_mpcc_set_bounds) at the time of a solve;
+/// infinite ones take no part. Where both are equal any value of the constraint will do. A mixed complementarity
+/// problem (MCP) is a box for every variable with an objective that is zero; lower bounds zero and upper bounds infinite make a
+/// nonlinear complementarity problem.
+///
+/// @param[in] variable   its index; it may be in several boxes and pairs
+/// @param[in] constraint its index; its own bounds are not used, and it may be in one box or pair only
+/// @return SWB_OK; SWB_ERR_RANGE if the constraint is in a pair or box; SWB_ERR_DIMENSION if there is no such index
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_add_box(mpcc: *mut swb_mpcc, variable: i64, constraint: i64) -> swb_status {
+    setting(mpcc, || unsafe {
+        handle::with_mut(mpcc, |p| {
+            let (Member::Variable(j), Member::Row(i)) = (
+                p.member(swb_member::Variable as i32, variable, "the variable")?,
+                p.member(swb_member::Constraint as i32, constraint, "the constraint")?,
+            ) else {
+                return Err(Error::Internal("members of a box".into()));
+            };
+            if std::mem::replace(&mut p.paired[i], true) {
+                return Err(in_use(i));
+            }
+            p.boxes.push(Boxed::new(j, i));
+            p.names.set_len(swb_item::Box, p.boxes.len());
             p.result = None;
             Ok(())
         })
@@ -751,7 +793,7 @@ pub unsafe extern "C" fn swb_mpcc_get_objective(mpcc: *const swb_mpcc, objective
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_get_solution(mpcc: *const swb_mpcc, w: *mut f64, n: i64) -> swb_status {
-    guard(|| unsafe { handle::with_ref(mpcc, |p| raw::write_slice(w, n, &p.result()?.solution.x[..p.n], "w")) })
+    guard(|| unsafe { handle::with_ref(mpcc, |p| raw::write_slice(w, n, &p.result()?.x, "w")) })
 }
 
 /// Constraints at the point.
@@ -779,11 +821,10 @@ pub unsafe extern "C" fn swb_mpcc_get_multipliers(
 ) -> swb_status {
     guard(|| unsafe {
         handle::with_ref(mpcc, |p| {
-            let s = &p.result()?.solution;
-            let bounds = p.bound_multipliers()?;
-            raw::check_slice(z, n, bounds.len(), "z")?;
-            raw::write_slice(y, m, &s.y[..p.m], "y")?;
-            raw::write_slice(z, n, &bounds, "z")
+            let r = p.result()?;
+            raw::check_slice(z, n, r.z.len(), "z")?;
+            raw::write_slice(y, m, &r.solution.y[..p.m], "y")?;
+            raw::write_slice(z, n, &r.z, "z")
         })
     })
 }
@@ -808,12 +849,13 @@ pub unsafe extern "C" fn swb_mpcc_get_pairs(
     guard(|| unsafe {
         handle::with_ref(mpcc, |p| {
             let r = p.result()?;
-            if usize::try_from(n_pairs) != Ok(r.pairs.len()) {
-                return Err(Error::Dimension(format!("n_pairs is {n_pairs}, not {}", r.pairs.len())));
+            let own = &r.pairs[..p.members.len()];
+            if usize::try_from(n_pairs) != Ok(own.len()) {
+                return Err(Error::Dimension(format!("n_pairs is {n_pairs}, not {}", own.len())));
             }
             let s = &r.solution;
             let column = |values: &[f64], first: bool| -> Vec<f64> {
-                r.pairs.iter().map(|(a, b)| values[if first { *a } else { *b }]).collect()
+                own.iter().map(|(a, b)| values[if first { *a } else { *b }]).collect()
             };
             let outputs = [(g, &s.x, true), (h, &s.x, false), (nu, &s.z, true), (xi, &s.z, false)];
             for (out, _, _) in outputs.iter().filter(|o| !o.0.is_null()) {

@@ -32,6 +32,7 @@ struct Sizes {
     variables: usize,
     constraints: usize,
     pairs: usize,
+    boxes: usize,
     solver_variables: usize,
     solver_constraints: usize,
 }
@@ -171,6 +172,7 @@ impl Program {
                 variables: self.n,
                 constraints: self.m,
                 pairs: self.members.len(),
+                boxes: self.boxes.len(),
                 solver_variables: r.dimensions.0,
                 solver_constraints: r.dimensions.1,
             },

@@ -177,10 +177,10 @@ fn solved(problem: &Problem, options: &Options, objective: Option<usize>, out: &
     if problem.bounds.is_empty() {
         return Ok(constant(problem, objective, options.settings.tol));
     }
-    let mut t = translate(problem, objective)?;
     if let Some(crossed) = crossed(problem) {
         return Ok(Sol { code: 200, message: heading(&format!("infeasible: {crossed}")), ..Sol::default() });
     }
+    let mut t = translate(problem, objective)?;
     t.bounds.validate(t.start.len(), t.bounds.cl.len())?;
     if options.outlev >= 2 {
         print(out, &sizes(problem, &t))?;
@@ -198,18 +198,18 @@ fn solved(problem: &Problem, options: &Options, objective: Option<usize>, out: &
     });
     let found = solver.solution();
     memory::check()?;
-    Ok(report(problem, options, objective, &t, found))
+    Ok(report(problem, options, objective, &mut t, found))
 }
 
 /// The result of a solution.
-fn report(problem: &Problem, options: &Options, objective: Option<usize>, t: &Translated, found: &Solution) -> Sol {
+fn report(problem: &Problem, options: &Options, objective: Option<usize>, t: &mut Translated, found: &Solution) -> Sol {
     let answer = t.answer(found);
     let truth = truth::look(problem, objective, &answer.x);
     let has_pairs = !t.program.pairs().is_empty();
     let mut own = found.clone();
     own.objective = t.objective(found.objective);
     let mut verdict = Verdict::of(&own, has_pairs, &truth, &options.settings);
-    if let (Outcome::Failed, Some(part)) = (found.outcome, t.program.undefined()) {
+    if let (Outcome::Failed, Some(part)) = (found.outcome, t.program.inner().undefined()) {
         verdict.text += &format!(" (no {part})");
     }
     let mut message = heading(&verdict.text);

@@ -5,7 +5,7 @@ use switchback::expr::{Dag, ExprFunction, Id};
 use switchback::func::{EvalError, EvalResult};
 use switchback::linalg::csc::Pattern;
 use switchback::nlp::{Bounds, Nlp};
-use switchback::{stop, Dims, Function, Mpcc, Point, Result};
+use switchback::{stop, Dims, Function, Point, Result};
 
 /// Objective to minimise: nonlinear part, linear terms, constant.
 #[derive(Debug, Clone, Default)]
@@ -18,7 +18,7 @@ pub struct Cost {
     pub constant: f64,
 }
 
-/// A program with pairs of variables.
+/// Objective and rows of a program.
 pub struct Program {
     n: usize,
     /// Outputs: the nonlinear part of the objective, if it has one, and those of the rows in `nonlinear_rows`.
@@ -32,8 +32,7 @@ pub struct Program {
     places: Vec<std::result::Result<usize, usize>>,
     jac: Pattern,
     hess: Pattern,
-    pairs: Vec<(usize, usize)>,
-    lifts: Vec<(usize, usize)>,
+    constants: Vec<f64>,
     m: usize,
     out: Vec<f64>,
     jac_values: Vec<f64>,
@@ -44,9 +43,9 @@ pub struct Program {
 }
 
 impl Program {
-    /// Makes a program of a statement, with the bounds of its variables and rows.
+    /// Makes a program of a statement, with the bounds of its variables and rows. Its pairs are left to others.
     pub fn new(statement: Statement, cost: Cost) -> Result<(Program, Bounds)> {
-        let Statement { mut dag, variables, rows, pairs, lifts, .. } = statement;
+        let Statement { mut dag, variables, rows, .. } = statement;
         let (n, m) = (variables.len(), rows.len());
         let bounds = Bounds {
             xl: variables.iter().map(|v| v.lower).collect(),
@@ -102,8 +101,7 @@ impl Program {
             places,
             jac,
             hess,
-            pairs,
-            lifts,
+            constants: rows.iter().map(|r| r.constant).collect(),
             undefined: None,
         };
         Ok((program, bounds))
@@ -177,9 +175,9 @@ impl Nlp for Program {
         let r = self.function.value(&Point { t: 0.0, x, u: &[], p: &[] }, &mut self.out, &mut self.work);
         self.note("value", r)?;
         let (cost, parts) = self.out.split_at(usize::from(self.cost_is_nonlinear));
-        c.fill(0.0);
+        c.copy_from_slice(&self.constants);
         for (i, v) in self.nonlinear_rows.iter().zip(parts) {
-            c[*i] = *v;
+            c[*i] += *v;
         }
         for (i, j, a, _) in &self.linear {
             c[*i] += a * x[*j];
@@ -215,14 +213,5 @@ impl Nlp for Program {
         let at = Point { t: 0.0, x, u: &[], p: &[] };
         let r = self.function.hessian(&at, &self.weights, hess, &mut self.work);
         self.note("Hessian", r)
-    }
-}
-
-impl Mpcc for Program {
-    fn pairs(&self) -> &[(usize, usize)] {
-        &self.pairs
-    }
-    fn lifts(&self) -> &[(usize, usize)] {
-        &self.lifts
     }
 }

@@ -1,6 +1,7 @@
 //! A program as it is put together: variables, rows, pairs.
 
 use switchback::expr::{Block, Dag, Id};
+use switchback::mpcc::Member;
 
 /// A variable.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,13 +14,15 @@ pub struct Variable {
     pub start: f64,
 }
 
-/// A row `nonlinear + linear` and its bounds.
+/// A row `nonlinear + linear + constant` and its bounds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// Nonlinear part.
     pub nonlinear: Option<Id>,
     /// Variables and their factors.
     pub linear: Vec<(usize, f64)>,
+    /// What is added.
+    pub constant: f64,
     /// Lower bound.
     pub lower: f64,
     /// Upper bound.
@@ -39,7 +42,7 @@ pub enum Part {
     IsNegative,
 }
 
-/// Program with pairs `0 ≤ a ⊥ b ≥ 0` of variables, under construction.
+/// Program with pairs `0 ≤ a ⊥ b ≥ 0`, under construction.
 #[derive(Default)]
 pub struct Statement {
     /// Graph of the nonlinear parts; its inputs are the variables.
@@ -48,8 +51,8 @@ pub struct Statement {
     pub variables: Vec<Variable>,
     /// Rows.
     pub rows: Vec<Row>,
-    /// Pairs of variables.
-    pub pairs: Vec<(usize, usize)>,
+    /// Members of the pairs.
+    pub pairs: Vec<(Member, Member)>,
     /// Rows and variables that stand for what is in them.
     pub lifts: Vec<(usize, usize)>,
     /// Row, variable and part of it the variable starts at: rows in the order in which they depend on each other.
@@ -70,12 +73,12 @@ impl Statement {
 
     /// A new row.
     pub fn row(&mut self, nonlinear: Option<Id>, linear: Vec<(usize, f64)>, lower: f64, upper: f64) -> usize {
-        self.rows.push(Row { nonlinear, linear, lower, upper });
+        self.rows.push(Row { nonlinear, linear, constant: 0.0, lower, upper });
         self.rows.len() - 1
     }
 
     /// A new variable `v ≥ 0` that is a part of row `i`, to which it is added with this factor.
-    pub fn part(&mut self, i: usize, factor: f64, part: Part) -> usize {
+    fn part(&mut self, i: usize, factor: f64, part: Part) -> usize {
         let v = self.variable(0.0, f64::INFINITY);
         self.rows[i].linear.push((v, factor));
         self.lifts.push((i, v));
@@ -83,8 +86,12 @@ impl Statement {
         v
     }
 
+    fn pair(&mut self, a: usize, b: usize) {
+        self.pairs.push((Member::Variable(a), Member::Variable(b)));
+    }
+
     /// `(p, q)` with `e = p − q`, both not negative, of which no pair is made yet.
-    pub fn split(&mut self, e: Id) -> (usize, usize, usize) {
+    fn split(&mut self, e: Id) -> (usize, usize, usize) {
         let i = self.row(Some(e), Vec::new(), 0.0, 0.0);
         (self.part(i, -1.0, Part::Positive), self.part(i, 1.0, Part::Negative), i)
     }
@@ -92,7 +99,7 @@ impl Statement {
     /// The positive and the negative part of an expression: `e = p − q`, `0 ≤ p ⊥ q ≥ 0`.
     pub fn parts(&mut self, e: Id) -> (Id, Id) {
         let (p, q, _) = self.split(e);
-        self.pairs.push((p, q));
+        self.pair(p, q);
         (self.input(p), self.input(q))
     }
 
@@ -103,7 +110,8 @@ impl Statement {
         let (on, off) = (self.variable(0.0, 1.0), self.variable(0.0, 1.0));
         self.row(None, vec![(on, 1.0), (off, 1.0)], 1.0, 1.0);
         self.starts.extend([(i, on, Part::IsPositive), (i, off, Part::IsNegative)]);
-        self.pairs.extend([(p, off), (q, on)]);
+        self.pair(p, off);
+        self.pair(q, on);
         self.input(on)
     }
 }

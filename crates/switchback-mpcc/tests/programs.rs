@@ -4,10 +4,12 @@ use std::sync::Arc;
 
 use switchback_mpcc::func::{Callback, Dims, Function};
 use switchback_mpcc::mpcc::{
-    BStationarity, Certificate, Distance, Lifted, Member, MpccSettings, MpccSolver, NoProposals, Polish, Stationarity,
-    Warm,
+    BStationarity, Boxed, Certificate, Distance, Lifted, Member, MpccSettings, MpccSolver, NoProposals, Polish,
+    Stationarity, Warm,
 };
-use switchback_mpcc::nlp::{Bounds, CallbackNlp, Control, Ipm, IpmSettings, Monotone, Outcome, SecondOrder, Start};
+use switchback_mpcc::nlp::{
+    Bounds, CallbackNlp, Control, Ipm, IpmSettings, Monotone, Nlp, Outcome, SecondOrder, Start,
+};
 use switchback_mpcc::settings::Portfolio;
 
 const INF: f64 = f64::INFINITY;
@@ -258,9 +260,93 @@ fn pairs_that_make_no_sense_are_refused() {
     assert!(Lifted::new(p(), &[(Member::Variable(0), Member::Variable(0))]).is_err());
     assert!(Lifted::new(p(), &[(Member::Variable(0), Member::Variable(5))]).is_err());
     assert!(Lifted::new(p(), &[(Member::Row(0), Member::Variable(1))]).is_err());
-    let l = Lifted::new(p(), &pair).unwrap();
+    let mut l = Lifted::new(p(), &pair).unwrap();
     assert!(l.bounds(&bounds(&[(0.0, -1.0), (0.0, INF)], &[])).is_err());
     assert!(l.bounds(&bounds(&[(1.0, 2.0), (0.0, INF)], &[])).is_err());
+}
+
+/// Differences of what a problem says of itself: of values against gradient and Jacobian, of those against the Hessian.
+fn deviation(p: &mut dyn Nlp, x: &[f64], y: &[f64]) -> f64 {
+    const STEP: f64 = 1e-5;
+    let (n, m) = (p.n(), p.m());
+    let (jac, hess) = (p.jac_pattern().clone(), p.hess_pattern().clone());
+    let (mut grad, mut values, mut second) = (vec![0.0; n], vec![0.0; jac.nnz()], vec![0.0; hess.nnz()]);
+    p.derivatives(x, &mut grad, &mut values).unwrap();
+    p.hessian(x, 1.0, y, &mut second).unwrap();
+    let at = |p: &mut dyn Nlp, j: usize, step: f64| {
+        let mut z = x.to_vec();
+        z[j] += step;
+        let (mut c, mut g, mut v) = (vec![0.0; m], vec![0.0; n], vec![0.0; jac.nnz()]);
+        let f = p.eval(&z, &mut c).unwrap();
+        p.derivatives(&z, &mut g, &mut v).unwrap();
+        // the gradient of the Lagrangian
+        for k in 0..n {
+            g[k] += jac.range(k).map(|e| v[e] * y[jac.row_idx()[e]]).sum::<f64>();
+        }
+        (f, c, g)
+    };
+    let mut worst: f64 = 0.0;
+    for j in 0..n {
+        let (plus, minus) = (at(p, j, STEP), at(p, j, -STEP));
+        worst = worst.max(((plus.0 - minus.0) / (2.0 * STEP) - grad[j]).abs());
+        let mut column = vec![0.0; m];
+        jac.range(j).for_each(|e| column[jac.row_idx()[e]] = values[e]);
+        for i in 0..m {
+            worst = worst.max(((plus.1[i] - minus.1[i]) / (2.0 * STEP) - column[i]).abs());
+        }
+        let mut of_hess = vec![0.0; n];
+        hess.range(j).for_each(|e| of_hess[hess.row_idx()[e]] = second[e]);
+        for i in 0..=j {
+            worst = worst.max(((plus.2[i] - minus.2[i]) / (2.0 * STEP) - of_hess[i]).abs());
+        }
+    }
+    worst
+}
+
+/// `x0` between two bounds, `x1` below one, `x2` above one and in a second box, `x3` free: members and derivatives of what boxes
+/// become, and the way back.
+#[test]
+fn boxes_become_pairs_of_distances() {
+    let rows: Vector = |x, o| {
+        o[0] = x[0] * x[1] - 1.0;
+        o[1] = x[1] * x[1] + x[2];
+        o[2] = x[0] - x[2] * x[3];
+        o[3] = x[3] + x[0];
+        o[4] = x[2].sin();
+    };
+    let p = problem(4, |x, o| o[0] = x[0] * x[0] * x[1] + x[3] * x[2], 5, rows);
+    let mut b = bounds(&[(1.0, 3.0), (-INF, 2.0), (-1.0, INF), (-INF, INF)], &[(-7.0, -6.0); 5]);
+    let mut members = Vec::new();
+    for (j, i) in [(0, 0), (1, 1), (2, 2), (3, 3), (2, 4)] {
+        Boxed::new(j, i).write(&mut b, &mut members).unwrap();
+    }
+    assert!(Boxed::new(4, 0).write(&mut b, &mut Vec::new()).is_err());
+    assert!(Boxed::new(0, 5).write(&mut b, &mut Vec::new()).is_err());
+    let mut lifted = Lifted::new(p, &members).unwrap();
+    let lifted_bounds = lifted.bounds(&b).unwrap();
+    let x = [1.5, -0.5, 0.25, 0.75];
+    let w = lifted.start(&x);
+    assert_eq!(lifted.point(&w), x);
+    // distances and parts of the rows: (x0 - 1, p0), (3 - x0, q0), (2 - x1, -c1), (x2 + 1, c2), (x2 + 1, c4)
+    let expected = [(0.5, 0.0), (1.5, 1.75), (2.5, 0.0), (1.25, 1.3125), (1.25, 0.25f64.sin())];
+    for (k, (a, b)) in expected.into_iter().enumerate() {
+        let (g, h) = lifted.pair(k);
+        assert!((w[g] - a).abs() < 1e-14 && (w[h] - b).abs() < 1e-14, "{k}: {} {}", w[g], w[h]);
+    }
+    let mut c = vec![0.0; lifted.m()];
+    lifted.eval(&w, &mut c).unwrap();
+    // rows of members hold at the start where their part is right; the free variable has its equation
+    for (i, residual) in [0.0, 0.5, 0.0, 2.25, 0.0, 0.0, 0.0, 0.0].into_iter().enumerate() {
+        assert_eq!(lifted_bounds.cl[i], lifted_bounds.cu[i]);
+        assert!((c[i] - lifted_bounds.cl[i] - residual).abs() < 1e-14, "{i}: {}", c[i]);
+    }
+    let y: Vec<f64> = (0..lifted.m()).map(|i| 0.7 - 0.3 * i as f64).collect();
+    assert!(deviation(&mut lifted, &w, &y) < 1e-5);
+    // multipliers there and back
+    let (own_y, own_z) = ([0.3, -0.2, 0.1, 0.5, -0.4], [0.6, -0.7, 0.8, 0.0]);
+    let (at, to_y, to_z) = lifted.warm(&x, &own_y, &own_z);
+    assert_eq!((at, &to_y[..5]), (w, &own_y[..]));
+    assert_eq!(lifted.bound_multipliers(&to_z), own_z);
 }
 
 /// Random numbers in `[-1, 1)`, always the same ones of a seed.
@@ -306,7 +392,7 @@ fn in_units(seed: u64, k: &[i32; 11], sizes: [f64; N]) -> (Lifted<CallbackNlp>, 
     });
     let inner = CallbackNlp::new(N, 0, Arc::new(f), Some(Arc::new(c))).unwrap();
     let members: Vec<_> = (0..4).map(|i| (Member::Row(i), Member::Row(4 + i))).collect();
-    let lifted = Lifted::new(inner, &members).unwrap();
+    let mut lifted = Lifted::new(inner, &members).unwrap();
     // rows 8 and 9 are ordinary ones
     let mut bounds = Bounds::free(N, 10);
     (bounds.cu[8], bounds.cl[9]) = (2.0 * unit[9], -3.0 * unit[10]);

@@ -111,6 +111,7 @@ from .mpcc import (
     PairMember,
     ProgramItem,
     constraint,
+    mcp,
     minimize_mpcc,
     variable,
 )
@@ -265,6 +266,7 @@ __all__ = [
     "log",
     "log_to_python",
     "maximum",
+    "mcp",
     "minimize_mpcc",
     "minimum",
     "mod",

@@ -541,6 +541,7 @@ class Item(Names):
     VARIABLE = 0
     CONSTRAINT = 1
     PAIR = 2
+    BOX = 3
 
 
 class Stationarity(Names):
@@ -1535,6 +1536,7 @@ FUNCTIONS = {
     "swb_ocp_from_json": (c_int32, [c_char_p, c_void_p, c_int64, c_void_p]),
     "swb_mpcc_create": (c_int32, [c_int64, c_int64, c_void_p, c_void_p, POINTER(swb_settings), c_void_p]),
     "swb_mpcc_add_pair": (c_int32, [c_void_p, c_int32, c_int64, c_int32, c_int64]),
+    "swb_mpcc_add_box": (c_int32, [c_void_p, c_int64, c_int64]),
     "swb_mpcc_set_hessian": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, swb_lagrangian_fn, c_void_p]),
     "swb_mpcc_set_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_mpcc_set_constraint_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),

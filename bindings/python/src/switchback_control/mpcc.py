@@ -32,6 +32,7 @@ __all__ = [
     "PairMember",
     "ProgramItem",
     "constraint",
+    "mcp",
     "minimize_mpcc",
     "variable",
 ]
@@ -55,7 +56,7 @@ def constraint(i: int) -> PairMember:
 
 
 class ProgramItem(NamedTuple):
-    """A variable, constraint or pair, and by how much it is violated or how much it weighs."""
+    """A variable, constraint, pair or box, and by how much it is violated or how much it weighs."""
 
     kind: Item
     index: int
@@ -242,11 +243,13 @@ def _lagrangian(f: Callable[..., Any], entries: _Entries, n: int, np: int, m: in
 
 
 class Mpcc(Solver):
-    """Minimise f(x, p) subject to bounds on x and c(x, p), and 0 <= G _|_ H >= 0 for pairs of variables or rows of c.
+    """Minimise f(x, p) subject to bounds on x and c(x, p), 0 <= G _|_ H >= 0 for pairs of variables or rows of c, and boxes
+    lower <= x_i <= upper _|_ c_j.
 
     The functions may call the variables x or w. `n_constraints` is needed if the constraints are a callable and their
     bounds do not tell it. Bounds are (lower, upper), None is no bound, one number is for all. A member of a pair is
-    `variable(i)`, or just i, or `constraint(i)`. Options by `settings` or by keyword.
+    `variable(i)`, or just i, or `constraint(i)`. A box is (i, j), the numbers of a variable and a constraint. Options by
+    `settings` or by keyword.
 
     Derivatives of callables: `gradient` of the objective; `jacobian` of the constraints, dense or of scipy.sparse, with
     a row for each and a column for each of x; `hessian(x, weight, y)` of weight times the objective plus y times the
@@ -272,6 +275,7 @@ class Mpcc(Solver):
         hessian: Callable[..., Any] | None = None,
         hessian_pattern: Any = None,
         pairs: Iterable[tuple[Any, Any]] = (),
+        boxes: Iterable[tuple[int, int]] = (),
         bounds: tuple[Any, Any] | None = None,
         constraint_bounds: tuple[Any, Any] | None = None,
         start: Any = None,
@@ -279,6 +283,7 @@ class Mpcc(Solver):
         names: Sequence[str | None] | None = None,
         constraint_names: Sequence[str | None] | None = None,
         pair_names: Sequence[str | None] | None = None,
+        box_names: Sequence[str | None] | None = None,
         on_iteration: OnIteration | None = None,
         on_log: OnLog | None = None,
         **options: Any,
@@ -302,7 +307,7 @@ class Mpcc(Solver):
         on_log, on_iteration = monitors(chosen, verbose, on_log, on_iteration)
         self._create(self.n, self.np, f, c, ctypes.byref(chosen._c))
         self._functions = [f, c]
-        self.n_pairs = 0
+        self.n_pairs = self.n_boxes = 0
         self._hessian: Any = None
         if whole:
             self.set_hessian(hessian, hessian_pattern)
@@ -313,6 +318,10 @@ class Mpcc(Solver):
             if not isinstance(pair, (tuple, list)) or len(pair) != 2:
                 raise DimensionError(f"a pair must have two members, not {pair!r:.60}")
             self.add_pair(*pair)
+        for box in boxes:
+            if not isinstance(box, (tuple, list)) or len(box) != 2:
+                raise DimensionError(f"a box must have a variable and a constraint, not {box!r:.60}")
+            self.add_box(*box)
         if bounds is not None:
             self.set_bounds(*bounds)
         if constraint_bounds is not None:
@@ -321,7 +330,8 @@ class Mpcc(Solver):
             self.set_params(params)
         if start is not None:
             self.set_start(start)
-        for kind, given in ((Item.VARIABLE, names), (Item.CONSTRAINT, constraint_names), (Item.PAIR, pair_names)):
+        kinds = (Item.VARIABLE, Item.CONSTRAINT, Item.PAIR, Item.BOX)
+        for kind, given in zip(kinds, (names, constraint_names, pair_names, box_names)):
             if given is not None:
                 self.set_names(kind, given)
 
@@ -362,6 +372,12 @@ class Mpcc(Solver):
         """Add the pair 0 <= G _|_ H >= 0 of `variable(i)`, or just i, and `constraint(j)`."""
         self._do("add_pair", *self._member(g), *self._member(h))
         self.n_pairs += 1
+
+    def add_box(self, i: int, j: int) -> None:
+        """Add the box lower <= x_i <= upper _|_ c_j of variable i and constraint j: the constraint is not negative where the
+        variable is at its lower bound, not positive at its upper bound, and zero between them. Infinite bounds take no part."""
+        self._do("add_box", index(i, "index of a variable"), index(j, "index of a constraint"))
+        self.n_boxes += 1
 
     def set_bounds(self, lower: Any = None, upper: Any = None) -> None:
         """Set bounds of the variables."""
@@ -411,16 +427,16 @@ class Mpcc(Solver):
         self._hessian = (callback, keep)
 
     def set_names(self, kind: Item, names: Sequence[str | None]) -> None:
-        """Name all variables, constraints or pairs; None for no name. Reports and the log use them."""
+        """Name all variables, constraints, pairs or boxes; None for no name. Reports and the log use them."""
         texts = [None if name is None else encode(name, "name") for name in names]
         self._do("set_names", int(kind), (ctypes.c_char_p * len(texts))(*texts), len(texts))
 
     def set_name(self, kind: Item, i: int, name: str | None) -> None:
-        """Name a variable, a constraint or a pair."""
+        """Name a variable, a constraint, a pair or a box."""
         self._do("set_name", int(kind), index(i, "index"), None if name is None else encode(name, "name"))
 
     def name(self, kind: Item, i: int) -> str:
-        """Name of a variable, a constraint or a pair, such as "variable 3" without one."""
+        """Name of a variable, a constraint, a pair or a box, such as "variable 3" without one."""
         return text(lib.swb_mpcc_get_name, self, int(kind), index(i, "index"))
 
     def _items(self, which: str, *more: Any) -> tuple[ProgramItem, ...]:
@@ -493,7 +509,8 @@ class Mpcc(Solver):
         )
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} n={self.n} m={self.m}, {self.n_pairs} pairs>"
+        boxes = f", {self.n_boxes} boxes" if self.n_boxes else ""
+        return f"<{type(self).__name__} n={self.n} m={self.m}, {self.n_pairs} pairs{boxes}>"
 
 
 class Nlp(Mpcc):
@@ -502,6 +519,9 @@ class Nlp(Mpcc):
     def add_pair(self, g: Any, h: Any) -> None:
         raise UnsupportedError("a nonlinear program has no pairs: use Mpcc")
 
+    def add_box(self, i: int, j: int) -> None:
+        raise UnsupportedError("a nonlinear program has no boxes: use Mpcc")
+
 
 def minimize_mpcc(
     objective: Any, x0: Any, pairs: Iterable[tuple[Any, Any]] = (), constraints: Any = None, **arguments: Any
@@ -509,4 +529,28 @@ def minimize_mpcc(
     """Minimise a function once from x0; all other arguments are those of `Mpcc`."""
     start = numpy.atleast_1d(real(x0, "x0"))
     with Mpcc(start.size, objective, constraints, pairs=pairs, start=start, **arguments) as program:
+        return program.solve()
+
+
+def mcp(f: Any, lower: Any, upper: Any = None, x0: Any = None, **arguments: Any) -> MpccResult:
+    """Solve a mixed complementarity problem: the point x at which every row of f(x, p) is not negative where its variable is
+    at its lower bound, not positive at its upper bound, and zero between them.
+
+    `f` has a row for every variable: a callable, expressions, a `Function`. `lower` and `upper` are [n], None or infinite for
+    no bound, one number for all if the other or `x0` has n numbers. lower = 0 without upper bounds is a nonlinear
+    complementarity problem, and a linear one if f is `Function.affine(q, M, nx=n)`. The start is the point between the bounds that is
+    nearest to zero if it is not given. All other arguments are those of `Mpcc`: `jacobian` is that of f. The result has f at x as
+    `constraints`."""
+    for name in ("pairs", "boxes", "bounds", "constraint_bounds", "n_constraints", "start"):
+        if name in arguments:
+            raise ArgumentError(f"{name}: a complementarity problem has none of its own; use Mpcc with boxes")
+    sizes = {seen(b, "a bound or x0").size for b in (lower, upper, x0) if b is not None and numpy.ndim(b) > 0}
+    if len(sizes) != 1:
+        found = f"sizes {sorted(sizes)}" if sizes else "one number for all"
+        raise DimensionError(f"lower, upper and x0 must tell the number of variables, and have {found}: give arrays of one length")
+    n = sizes.pop()
+    low, high = bounds(lower, upper, n, "bounds")
+    start = numpy.clip(0.0, low, high) if x0 is None else x0
+    rows = [(i, i) for i in range(n)]
+    with Mpcc(n, 0.0, f, n, boxes=rows, bounds=(low, high), start=start, **arguments) as program:
         return program.solve()

@@ -275,11 +275,13 @@ impl Branches<'_> {
         for (i, &(_, w, row)) in triples.iter().enumerate() {
             let a = &self.rows[row * n..][..n];
             let (lo, hi) = self.sides[row];
-            if lo != hi || a[w] != -1.0 || triples.iter().any(|t| t.1 != w && a[t.1] != 0.0) {
+            // a variable counted from its upper bound has the negative of its row
+            let sign = -a[w];
+            if lo != hi || sign.abs() != 1.0 || triples.iter().any(|t| t.1 != w && a[t.1] != 0.0) {
                 return None;
             }
-            q[i] = -lo;
-            triples.iter().enumerate().for_each(|(j, t)| matrix[i * k + j] = a[t.0]);
+            q[i] = -sign * lo;
+            triples.iter().enumerate().for_each(|(j, t)| matrix[i * k + j] = sign * a[t.0]);
         }
         let (z, w) = lemke::solve(&matrix, &q, work, &goes_on)?;
         let mut best = Best {

@@ -49,7 +49,7 @@ mod violation;
 pub use certificate::{BStationarity, CertSettings, Certificate, Certifier, Doubt, Local, Stationarity};
 pub use conflict::Conflict;
 pub use homotopy::Scholtes;
-pub use lifted::{Lifted, Member};
+pub use lifted::{Boxed, Lifted, Member};
 pub use portfolio::FoundBy;
 pub use problem::{Mpcc, Side};
 pub use proposer::{ActiveSetProposer, NoProposals, ProposalKind};

@@ -257,7 +257,7 @@ pub enum Verdict {
 
 impl<P: Nlp + Clone> Problem<P> {
     pub fn lifted(&self) -> (Lifted<P>, Bounds) {
-        let lifted = Lifted::new(self.program.clone(), &self.members).expect("pairs that exist");
+        let mut lifted = Lifted::new(self.program.clone(), &self.members).expect("pairs that exist");
         let bounds = lifted.bounds(&self.bounds).expect("bounds that admit zero");
         (lifted, bounds)
     }
@@ -312,6 +312,7 @@ impl<P: Nlp + Clone> Problem<P> {
         let value = |m: Member| match m {
             Member::Variable(j) => x[j],
             Member::Row(i) => c[i],
+            _ => unreachable!("the problems have variables and rows as members"),
         };
         let of_pairs = self.members.iter().map(|&(a, b)| value(a).min(value(b)).abs());
         (of_bounds.chain(of_rows).fold(0.0, f64::max), of_pairs.fold(0.0, f64::max))
