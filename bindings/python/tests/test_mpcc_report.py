@@ -420,7 +420,7 @@ PAGE = Path(__file__).resolve().parents[3] / "docs" / "mpcc.md"
 @pytest.mark.skipif(not PAGE.exists(), reason="no page here")
 def test_the_page():
     text = PAGE.read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", text, flags=re.S)
+    code = re.findall(r"```python\n(.*?)```", text, flags=re.S)[0]
     found = {}
     exec(code, found)
     told = json.loads(found["result"].to_json())
