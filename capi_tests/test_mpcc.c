@@ -271,6 +271,51 @@ static void boxes(void)
     swb_function_free(c);
 }
 
+/* x = max(p, 0) by its distance from p: slope 1 above zero, none below, and a kink between. */
+static int32_t distance(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = (at->x[0] - at->p[0]) * (at->x[0] - at->p[0]);
+    return 0;
+}
+
+static void derivatives(void)
+{
+    swb_function *f = make_function("f", 1, 0, 1, 1, distance, NULL);
+    swb_mpcc *mpcc = NULL;
+    double lower = 0, upper = INFINITY, p, x, slope, of_objective, weight = 3, nothing = (double)NAN;
+    int32_t sides;
+    int k;
+
+    CHECK_OK(swb_mpcc_create(1, 1, f, NULL, NULL, &mpcc));
+    CHECK_OK(swb_mpcc_set_bounds(mpcc, &lower, 1, &upper, 1));
+    CHECK_STATUS(SWB_ERR_STATE, swb_mpcc_get_tangents(mpcc, &slope, 1, NULL, 0, NULL, 0));
+    for (k = 0; k < 2; k++) {
+        p = k ? 2 : -1;
+        CHECK_OK(swb_mpcc_set_params(mpcc, &p, 1));
+        CHECK_OK(swb_mpcc_solve(mpcc, NULL));
+        CHECK_OK(swb_mpcc_get_tangents(mpcc, &slope, 1, &of_objective, 1, &sides, 1));
+        CHECK_NEAR(slope, k, 1e-5);
+        CHECK_NEAR(of_objective, k ? 0 : -2, 1e-4);
+        CHECK(sides == SWB_SIDES_BOTH);
+        CHECK_OK(swb_mpcc_vjp(mpcc, &weight, 1, 0, &x, 1, NULL, 0));
+        CHECK_NEAR(x, 3 * k, 1e-4);
+        CHECK_OK(swb_mpcc_vjp(mpcc, NULL, 0, 1, &x, 1, &sides, 1));
+        CHECK_NEAR(x, k ? 0 : -2, 1e-4);
+    }
+    slope = 7;
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_get_tangents(mpcc, &slope, 2, NULL, 0, NULL, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_get_tangents(mpcc, &slope, 1, NULL, 0, &sides, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_vjp(mpcc, &weight, 2, 0, &slope, 1, NULL, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_vjp(mpcc, &weight, 1, 0, &slope, 0, NULL, 0));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_mpcc_vjp(mpcc, &nothing, 1, 0, &slope, 1, NULL, 0));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_mpcc_vjp(mpcc, &weight, 1, nothing, &slope, 1, NULL, 0));
+    CHECK_STATUS(SWB_ERR_NULL, swb_mpcc_vjp(NULL, &weight, 1, 0, &slope, 1, NULL, 0));
+    CHECK(slope == 7);
+    swb_mpcc_free(mpcc);
+    swb_function_free(f);
+}
+
 static void refusals(void)
 {
     swb_mpcc *mpcc = make(&PROBLEMS[5]), *none = NULL;
@@ -323,6 +368,7 @@ int main(void)
     parameters();
     outcomes();
     boxes();
+    derivatives();
     refusals();
     return CHECK_DONE();
 }

@@ -1945,6 +1945,40 @@ typedef int32_t swb_item;
 #endif // __cplusplus
 
 /**
+ * On which sides of a parameter a derivative of a solution holds.
+ */
+enum swb_sides
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * On both: the solution is differentiable.
+     */
+    SWB_SIDES_BOTH = 0,
+    /**
+     * Where the parameter rises: a bound or pair is active without a multiplier, and on the other side the derivative is another.
+     */
+    SWB_SIDES_RISING = 1,
+    /**
+     * Where it falls, likewise.
+     */
+    SWB_SIDES_FALLING = 2,
+    /**
+     * On neither: the derivative is not known and is NaN. Active gradients are dependent, or several bounds or pairs are active without
+     * multipliers and do not stay so together.
+     */
+    SWB_SIDES_NEITHER = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_sides swb_sides;
+#else
+typedef int32_t swb_sides;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * The strongest type of stationarity for which multipliers of the pairs are known; nu of G, xi of H, at pairs of which
  * both members are zero.
  */
@@ -9348,6 +9382,52 @@ swb_status swb_mpcc_interrupt(const struct swb_mpcc *mpcc);
  * Free; NULL is allowed.
  */
 SWB_API void swb_mpcc_free(struct swb_mpcc *mpcc);
+
+/**
+ * Derivatives of the last solution with respect to all parameters, with the active bounds and sides of pairs as they are. The
+ * solution must be exact (SWB_POLISHED_DONE, or solved if there are no pairs). Functions need derivatives by the parameters as well. One
+ * factorisation, and a solve for every parameter; swb_mpcc_vjp is faster where one number depends on many parameters.
+ *
+ * A derivative that is returned holds on the sides that are returned with it. Where it is not known it is NaN.
+ *
+ * @param[in,out] mpcc the program; bounds, parameters and options may have been set to others since the solve, and are not used
+ * @param[out] x         [n_x] np * n, derivatives of the point, those by one parameter together; NULL with n_x 0 if not wanted
+ * @param[out] objective [n_objective] np, derivatives of the objective; NULL with n_objective 0 if not wanted
+ * @param[out] sides     [n_sides] np, an enum swb_sides each; NULL with n_sides 0 if not wanted
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE without an exact solution, or after pairs or options that are fixed when a program
+ *         is made have changed; SWB_ERR_NUMERIC if the solution is no isolated minimiser, or if derivatives by the parameters are
+ *         not those of the functions; SWB_ERR_NONFINITE if a function has no value next to the parameters; SWB_ERR_USER
+ */
+SWB_API
+swb_status swb_mpcc_get_tangents(struct swb_mpcc *mpcc,
+                                 double *x,
+                                 int64_t n_x,
+                                 double *objective,
+                                 int64_t n_objective,
+                                 int32_t *sides,
+                                 int64_t n_sides);
+
+/**
+ * The derivative of the last solution with respect to its parameters from the left: the weights p of the parameters for weights x of
+ * the point and objective of the objective, which are derivatives of a number that depends on both (a vector-Jacobian product).
+ * Conditions are those of swb_mpcc_get_tangents. One solve with the factorised matrix for all parameters where the solution is
+ * differentiable, and one for each where it is not.
+ *
+ * @param[in]  x         [n_x] n, weights of the point; NULL with n_x 0 for zeros
+ * @param[in]  objective weight of the objective
+ * @param[out] p         [n_p] np; NaN where the derivative is not known
+ * @param[out] sides     [n_sides] np, an enum swb_sides each; NULL with n_sides 0 if not wanted
+ * @return as swb_mpcc_get_tangents; SWB_ERR_RANGE if a weight is not finite
+ */
+SWB_API
+swb_status swb_mpcc_vjp(struct swb_mpcc *mpcc,
+                        const double *x,
+                        int64_t n_x,
+                        double objective,
+                        double *p,
+                        int64_t n_p,
+                        int32_t *sides,
+                        int64_t n_sides);
 
 /**
  * Name of an enum swb_stationarity, such as "M"; NULL for any other number. Static.

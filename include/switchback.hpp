@@ -1766,6 +1766,24 @@ public:
         detail::check(swb_mpcc_get_pairs(get(), r.g.data(), r.h.data(), r.nu.data(), r.xi.data(), n_pairs_));
         return r;
     }
+    /// Derivatives by the parameters: of the point, those by one parameter together, and of the objective; the sides on which each holds.
+    struct Tangents {
+        Vector x, objective;
+        std::vector<int32_t> sides;
+    };
+    Tangents tangents() {
+        const auto np = static_cast<std::size_t>(np_);
+        Tangents t{Vector(np * static_cast<std::size_t>(n_)), Vector(np), std::vector<int32_t>(np)};
+        detail::check(swb_mpcc_get_tangents(get(), t.x.data(), np_ * n_, t.objective.data(), np_, t.sides.data(), np_));
+        return t;
+    }
+    /// The weights of the parameters for weights of point and objective, and the sides on which each holds.
+    std::pair<Vector, std::vector<int32_t>> vjp(View x, double objective = 0) {
+        const auto np = static_cast<std::size_t>(np_);
+        std::pair<Vector, std::vector<int32_t>> r{Vector(np), std::vector<int32_t>(np)};
+        detail::check(swb_mpcc_vjp(get(), x.data(), x.length(), objective, r.first.data(), np_, r.second.data(), np_));
+        return r;
+    }
     swb_polished polished() const {
         int32_t p = 0;
         detail::check(swb_mpcc_get_polished(get(), &p));
@@ -1805,14 +1823,15 @@ private:
     static int32_t call_hessian(const swb_point *at, double weight, const double *y, double *out, void *data) {
         return detail::guarded_function([&] { return (*static_cast<LagrangianHessian *>(data))(*at, weight, y, out); });
     }
-    Mpcc(int64_t n, int64_t np, const Function &objective, const Function *constraints, const Settings &settings) : n_(n) {
+    Mpcc(int64_t n, int64_t np, const Function &objective, const Function *constraints, const Settings &settings)
+        : n_(n), np_(np) {
         swb_mpcc *p = nullptr;
         detail::check(swb_mpcc_create(n, np, objective.get(), constraints ? constraints->get() : nullptr, &settings, &p));
         owner_.reset(p);
         if (constraints)
             detail::check(swb_function_sizes(constraints->get(), nullptr, nullptr, nullptr, &m_, nullptr, nullptr));
     }
-    int64_t n_ = 0, m_ = 0, n_pairs_ = 0;
+    int64_t n_ = 0, np_ = 0, m_ = 0, n_pairs_ = 0;
     std::unique_ptr<LagrangianHessian> hessian_;
 };
 

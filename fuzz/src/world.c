@@ -745,6 +745,11 @@ static void solve_program(struct random *r, const swb_settings *s)
     pool_add(T_swb_mpcc, c.mpcc);
     if (DO(swb_mpcc_solve, c.mpcc, &outcome) && random_once_in(r, 2))
         DO(swb_mpcc_resolve, c.mpcc, &outcome);
+    if (random_once_in(r, 2)) {
+        double weights[3] = {1, -1, 0.5}, p;
+        int32_t sides;
+        DO(swb_mpcc_vjp, c.mpcc, weights, 3, 1.0, &p, 1, &sides, 1);
+    }
 }
 
 /* A program of functions that may fail. */

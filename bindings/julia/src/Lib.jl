@@ -902,6 +902,21 @@ const SWB_MEMBER_CONSTRAINT = swb_member(1)
 const NAMES_swb_member = [:variable => 0, :constraint => 1]
 
 """
+On which sides of a parameter a derivative of a solution holds.
+
+- `SWB_SIDES_BOTH`: On both: the solution is differentiable.
+- `SWB_SIDES_RISING`: Where the parameter rises: a bound or pair is active without a multiplier, and on the other side the derivative is another.
+- `SWB_SIDES_FALLING`: Where it falls, likewise.
+- `SWB_SIDES_NEITHER`: On neither: the derivative is not known and is NaN. Active gradients are dependent, or several bounds or pairs are active without multipliers and do not stay so together.
+"""
+const swb_sides = Int64
+const SWB_SIDES_BOTH = swb_sides(0)
+const SWB_SIDES_RISING = swb_sides(1)
+const SWB_SIDES_FALLING = swb_sides(2)
+const SWB_SIDES_NEITHER = swb_sides(3)
+const NAMES_swb_sides = [:both => 0, :rising => 1, :falling => 2, :neither => 3]
+
+"""
 Parts of a program that have names and can be violated. The first two are those of enum swb_member.
 
 - `SWB_ITEM_VARIABLE`: A variable, by its bounds.
@@ -2548,6 +2563,8 @@ const NAMES = [
     :swb_mpcc_set_log,
     :swb_mpcc_interrupt,
     :swb_mpcc_free,
+    :swb_mpcc_get_tangents,
+    :swb_mpcc_vjp,
     :swb_stationarity_name,
     :swb_doubt_name,
     :swb_second_order_name,
@@ -7626,25 +7643,64 @@ Free; NULL is allowed.
 swb_mpcc_free(mpcc) = ccall(address(401), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
+    swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) -> swb_status
+
+Derivatives of the last solution with respect to all parameters, with the active bounds and sides of pairs as they are. The
+solution must be exact (SWB_POLISHED_DONE, or solved if there are no pairs). Functions need derivatives by the parameters as well. One
+factorisation, and a solve for every parameter; swb_mpcc_vjp is faster where one number depends on many parameters.
+
+A derivative that is returned holds on the sides that are returned with it. Where it is not known it is NaN.
+
+@param[in,out] mpcc the program; bounds, parameters and options may have been set to others since the solve, and are not used
+@param[out] x         [n_x] np * n, derivatives of the point, those by one parameter together; NULL with n_x 0 if not wanted
+@param[out] objective [n_objective] np, derivatives of the objective; NULL with n_objective 0 if not wanted
+@param[out] sides     [n_sides] np, an enum swb_sides each; NULL with n_sides 0 if not wanted
+@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE without an exact solution, or after pairs or options that are fixed when a program
+        is made have changed; SWB_ERR_NUMERIC if the solution is no isolated minimiser, or if derivatives by the parameters are
+        not those of the functions; SWB_ERR_NONFINITE if a function has no value next to the parameters; SWB_ERR_USER
+"""
+swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) =
+    ccall(address(402), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
+        mpcc, x, n_x, objective, n_objective, sides, n_sides)
+
+"""
+    swb_mpcc_vjp(mpcc, x, n_x, objective, p, n_p, sides, n_sides) -> swb_status
+
+The derivative of the last solution with respect to its parameters from the left: the weights p of the parameters for weights x of
+the point and objective of the objective, which are derivatives of a number that depends on both (a vector-Jacobian product).
+Conditions are those of swb_mpcc_get_tangents. One solve with the factorised matrix for all parameters where the solution is
+differentiable, and one for each where it is not.
+
+@param[in]  x         [n_x] n, weights of the point; NULL with n_x 0 for zeros
+@param[in]  objective weight of the objective
+@param[out] p         [n_p] np; NaN where the derivative is not known
+@param[out] sides     [n_sides] np, an enum swb_sides each; NULL with n_sides 0 if not wanted
+@return as swb_mpcc_get_tangents; SWB_ERR_RANGE if a weight is not finite
+"""
+swb_mpcc_vjp(mpcc, x, n_x, objective, p, n_p, sides, n_sides) =
+    ccall(address(403), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
+        Int64), mpcc, x, n_x, objective, p, n_p, sides, n_sides)
+
+"""
     swb_stationarity_name(stationarity) -> Cstring
 
 Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Static.
 """
-swb_stationarity_name(stationarity) = ccall(address(402), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(404), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
 
 Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
-swb_doubt_name(doubt) = ccall(address(403), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(405), Cstring, (Int32,), doubt)
 
 """
     swb_second_order_name(second_order) -> Cstring
 
 Name of an enum swb_second_order, such as \"saddle\"; NULL for any other number. Static.
 """
-swb_second_order_name(second_order) = ccall(address(404), Cstring, (Int32,), second_order)
+swb_second_order_name(second_order) = ccall(address(406), Cstring, (Int32,), second_order)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -7657,7 +7713,7 @@ Name a variable, a constraint, a pair or a box: reports and messages of the log 
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(405), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(407), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -7670,7 +7726,7 @@ Name all variables, constraints, pairs or boxes.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(406), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(408), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -7684,7 +7740,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(407), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(409), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -7701,7 +7757,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(408), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(410), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -7725,7 +7781,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(409), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(411), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -7738,7 +7794,7 @@ Knowledge of the point of the last solve: type of stationarity, B-stationarity.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(410), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(412), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -7751,7 +7807,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(411), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(413), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -7763,7 +7819,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(412), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(414), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -7775,7 +7831,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(413), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(415), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -7787,6 +7843,6 @@ Report on the last solve for people: a table with the worst violations and what 
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(414), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(416), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

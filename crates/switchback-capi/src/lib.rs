@@ -164,5 +164,6 @@ pub mod multiphase;
 pub mod document;
 
 pub mod mpcc;
+pub mod mpcc_derivatives;
 
 pub mod diagnosis;

@@ -5,6 +5,7 @@ use super::function::{self, shared, shared_optional, swb_function, swb_point};
 use super::guard::guard;
 use super::handle::{self, running, setting, Interrupt, Object};
 use super::log::swb_log_fn;
+use super::mpcc_derivatives::changed;
 use super::raw;
 use super::report::{
     outcome_number, polished_number, swb_iteration_fn, swb_residuals, swb_stats, write_sized, Exclusive, Hooks,
@@ -45,11 +46,11 @@ pub enum swb_member {
     Constraint = 1,
 }
 
-struct Built {
-    problem: Lifted<CallbackNlp>,
+pub(super) struct Built {
+    pub problem: Lifted<CallbackNlp>,
     /// What it was made of: boxes are other pairs where other bounds are infinite.
     members: Vec<(Member, Member)>,
-    solver: MpccSolver,
+    pub solver: MpccSolver,
     jac: Arc<Pattern>,
 }
 
@@ -77,6 +78,8 @@ pub(super) struct Outcome1 {
     copies: Vec<usize>,
     /// Box of every pair behind those that were added.
     boxes: Vec<usize>,
+    /// The parameters it was solved with.
+    params: Vec<f64>,
     pub time_build: f64,
     pub dimensions: (usize, usize, usize),
     pub linear: LinearStats,
@@ -277,6 +280,7 @@ impl Program {
         solver.settings = MpccSettings::from(&self.settings);
         let level = self.settings.verbosity();
         let (start, rows, seconds, result) = (&self.start, self.m, self.settings.max_time, &mut self.result);
+        let params = self.params.clone();
         *result = None;
         let outcome = self.hooks.run("mpcc", level, |control| {
             control.within(seconds, |control| {
@@ -290,7 +294,7 @@ impl Program {
             });
             let outcome = solver.solution().outcome;
             let undefined = problem.inner().undefined().map(|(f, part)| trouble::undefined(part, f));
-            *result = Some(Outcome1::of(problem, solver, jac, bounds, boxes, (start.len(), rows), time_build));
+            *result = Some(Outcome1::of(problem, solver, jac, bounds, boxes, params, (start.len(), rows), time_build));
             undefined.filter(|_| outcome == Outcome::Failed).map_or(Ok(outcome), Err)
         })?;
         let importance = if outcome == Outcome::Solved { LogLevel::Info } else { LogLevel::Warning };
@@ -337,6 +341,35 @@ impl Program {
         }
     }
 
+    /// Number of parameters.
+    pub(super) fn n_params(&self) -> usize {
+        self.params.len()
+    }
+
+    /// What is computed of the last solution, with the bounds of the lifted problem; it calls functions and can be interrupted.
+    pub(super) fn of_solution<T>(&mut self, compute: impl FnOnce(&mut Built, &Bounds) -> Result<T>) -> Result<T> {
+        let seconds = self.settings.max_time;
+        let r = self.result()?;
+        let Some(Facts { bounds, .. }) = &r.facts else {
+            return Err(Error::State("derivatives of a solution need an exact one: the last solve has none".into()));
+        };
+        let (bounds, params, sizes) = (bounds.clone(), r.params.clone(), (r.solution.x.len(), r.pairs.len()));
+        let mut found = None;
+        let Some(built) = self.built.get() else { return Err(changed()) };
+        if (built.problem.n(), built.problem.pairs().len()) != sizes {
+            return Err(changed());
+        }
+        built.problem.inner().set_params(&params)?;
+        memory::limited(self.settings.max_memory, || {
+            self.hooks.run("mpcc", LogLevel::Silent, |control| {
+                found = Some(control.within(seconds, |_| compute(built, &bounds))?);
+                Ok(Outcome::Solved)
+            })?;
+            memory::check()
+        })?;
+        found.ok_or_else(|| Error::Internal("nothing was computed".into()))
+    }
+
     pub(super) fn result(&self) -> Result<&Outcome1> {
         self.result.as_ref().ok_or_else(|| Error::State("there is no result: call swb_mpcc_solve first".into()))
     }
@@ -350,6 +383,7 @@ impl Outcome1 {
         jac: &Arc<Pattern>,
         bounds: Bounds,
         boxes: Vec<usize>,
+        params: Vec<f64>,
         (n, m): (usize, usize),
         time_build: f64,
     ) -> Outcome1 {
@@ -367,6 +401,7 @@ impl Outcome1 {
             z: problem.bound_multipliers(&solution.z),
             copies: problem.copies(),
             boxes,
+            params,
             solution,
             pairs,
             time_build,

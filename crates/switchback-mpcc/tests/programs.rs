@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use switchback_mpcc::func::{Callback, Dims, Function};
 use switchback_mpcc::mpcc::{
-    BStationarity, Boxed, Certificate, Distance, Lifted, Member, MpccSettings, MpccSolver, NoProposals, Polish,
-    Stationarity, Warm,
+    BStationarity, Boxed, Certificate, Change, Distance, Lifted, Member, MpccSettings, MpccSolver, NoProposals, Polish,
+    Sides, Stationarity, Warm,
 };
 use switchback_mpcc::nlp::{
     Bounds, CallbackNlp, Control, Ipm, IpmSettings, Monotone, Nlp, Outcome, SecondOrder, Start,
@@ -492,4 +492,54 @@ fn a_branch_solved_from_its_solution_stays_there() {
     let close = solver.solve_close(&mut p, &b, &[1e-3], control).x[0];
     let usual = solver.solve(&mut p, &b, &[1e-3], control).x[0];
     assert!((close - 1e-3).abs() < 1e-7 && (usual - 1.0).abs() < 1e-4, "{close}, {usual}");
+}
+
+/// The adjoint of the map from data to solution, against that map: with a value that is fixed, changes of gradient and rows, and a
+/// pair. Where a bound is active without a multiplier there is none.
+#[test]
+fn adjoints_are_the_transposes_of_tangents() {
+    let objective: Vector =
+        |x, o| o[0] = (x[0] - 3.0).powi(2) + x[0] * x[1] + (x[2] - 1.0).powi(2) + x[3] * x[0] + x[1] * x[1];
+    let rows: Vector = |x, o| o[0] = x[0] + x[2] * x[2] + 0.5 * x[3] - 4.0;
+    let pair = [(Member::Variable(0), Member::Variable(1))];
+    let mut p = Lifted::new(problem(4, objective, 1, rows), &pair).unwrap();
+    let free = (-INF, INF);
+    let b = p.bounds(&bounds(&[(0.0, INF), (0.0, INF), free, (0.3, 0.3)], &[(0.0, 0.0)])).unwrap();
+    let w0 = p.start(&[1.0, 0.1, 1.0, 0.3]);
+    let mut solver = MpccSolver::new(&mut p, MpccSettings::default()).unwrap();
+    let s = solver.solve(&mut p, &b, &w0, &mut Control::default());
+    assert_eq!((s.outcome, s.polish), (Outcome::Solved, Polish::Done));
+    let changes = [
+        Change { fixed: vec![(3, 1.0)], ..Change::default() },
+        Change { gradient: vec![(0, 0.7), (2, -0.2), (1, 5.0)], ..Change::default() },
+        Change { fixed: vec![(3, -0.5)], gradient: vec![(2, 1.0)], rows: vec![(0, 0.4)] },
+    ];
+    let weights = vec![vec![0.3, -0.8, 1.1, 0.6], vec![1.0, 0.0, 0.0, 0.0]];
+    let tangents = solver.tangents(&mut p, &b, &changes).unwrap();
+    let adjoints = solver.adjoints(&mut p, &b, &weights).unwrap().unwrap();
+    for (w, a) in weights.iter().zip(&adjoints) {
+        for (c, t) in changes.iter().zip(&tangents) {
+            assert_eq!((t.sides, t.one_sided), (Sides::Both, false));
+            let forwards: f64 = w.iter().zip(&t.x).map(|(w, x)| w * x).sum();
+            let sum = |list: &[(usize, f64)], with: &[f64]| list.iter().map(|(i, v)| v * with[*i]).sum::<f64>();
+            let backwards = sum(&c.fixed, &a.fixed) + sum(&c.gradient, &a.gradient) + sum(&c.rows, &a.rows);
+            assert!((forwards - backwards).abs() < 1e-9, "{forwards} {backwards}");
+        }
+    }
+    assert!(solver.adjoints(&mut p, &b, &[vec![0.0; 3]]).is_err());
+    assert!(solver.adjoints(&mut p, &b, &[vec![f64::NAN; 4]]).is_err());
+
+    // the minimiser is at the bound by itself
+    let mut p = Lifted::new(problem(1, |x, o| o[0] = x[0] * x[0], 0, |_, _| {}), &[]).unwrap();
+    let b = p.bounds(&bounds(&[(0.0, INF)], &[])).unwrap();
+    let mut solver = MpccSolver::new(&mut p, MpccSettings::default()).unwrap();
+    assert_eq!(solver.solve(&mut p, &b, &[1.0], &mut Control::default()).outcome, Outcome::Solved);
+    assert!(solver.adjoints(&mut p, &b, &[vec![1.0]]).unwrap().is_none());
+    let push = [Change { gradient: vec![(0, -2.0)], ..Change::default() }];
+    let t = solver.tangents(&mut p, &b, &push).unwrap().remove(0);
+    match t.sides {
+        Sides::Rising => assert!((t.x[0] - 1.0).abs() < 1e-6),
+        Sides::Falling => assert!(t.x[0].abs() < 1e-9),
+        other => panic!("{other:?}"),
+    }
 }

@@ -535,6 +535,15 @@ class Member(Names):
     CONSTRAINT = 1
 
 
+class Sides(Names):
+    """enum swb_sides"""
+
+    BOTH = 0
+    RISING = 1
+    FALLING = 2
+    NEITHER = 3
+
+
 class Item(Names):
     """enum swb_item"""
 
@@ -1563,6 +1572,8 @@ FUNCTIONS = {
     "swb_mpcc_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
     "swb_mpcc_interrupt": (c_int32, [c_void_p]),
     "swb_mpcc_free": (None, [c_void_p]),
+    "swb_mpcc_get_tangents": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_mpcc_vjp": (c_int32, [c_void_p, c_void_p, c_int64, c_double, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_stationarity_name": (c_char_p, [c_int32]),
     "swb_doubt_name": (c_char_p, [c_int32]),
     "swb_second_order_name": (c_char_p, [c_int32]),

@@ -1,4 +1,4 @@
-"""Simulations in JAX programs, differentiated by the adjoint of the library through switches and sliding modes.
+"""Simulations and solutions of programs in JAX, differentiated by the adjoints of the library.
 
     import jax, switchback_control as swb, switchback_control.jax
 
@@ -9,13 +9,15 @@
 
     jax.grad(loss)(p)
 
-Works under `jit`, `grad` and `vmap`, which simulates and differentiates on several threads. Numbers have the precision of `x0`: without x64 that is
+`simulate` is differentiated through switches and sliding modes, `solution` along the active set of a program with complementarity
+constraints. Works under `jit`, `grad` and `vmap`, which simulates and differentiates on several threads. Numbers have the precision of `x0`: without x64 that is
 single precision. Needs JAX: pip install jax.
 """
 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -24,9 +26,16 @@ import jax.numpy as jnp
 import numpy
 from jax.custom_derivatives import SymbolicZero
 
+from ._ffi import Sides
 from ._flow import Flow
+from .errors import ArgumentError, NumericError
+from .mpcc import Mpcc, MpccResult
 
-__all__ = ["simulate"]
+__all__ = ["KinkWarning", "simulate", "solution"]
+
+
+class KinkWarning(UserWarning):
+    """A gradient has derivatives that hold on one side only, or that are not known and NaN: the message says of which parameters."""
 
 
 def simulate(
@@ -110,3 +119,83 @@ def simulate(
 
     end.defvjp(forward, backward)
     return end(jnp.concatenate([v.ravel() for v in inputs])).reshape(flow.shape)
+
+
+class _Solutions:
+    """A program at parameters: solved again only where these are others, or someone else has solved it."""
+
+    def __init__(self, program: Mpcc, kinks: str):
+        if not isinstance(program, Mpcc):
+            raise ArgumentError(f"program must be an Mpcc or Nlp, not {type(program).__name__}")
+        if kinks not in ("warn", "error"):
+            raise ArgumentError(f"kinks must be 'warn' or 'error', not {kinks!r:.40}")
+        self.program, self.kinks = program, kinks
+        self.p: Any = None
+        self.last: Any = None
+
+    def at(self, p: Any) -> MpccResult:
+        program, now = self.program, None
+        if self.last is not None:
+            now = numpy.empty(program.n)
+            program._do("get_solution", now.ctypes.data, program.n)
+        if now is None or not (numpy.array_equal(p, self.p) and numpy.array_equal(now, self.last.x)):
+            self.last = None
+            program.set_params(p)
+            found = program.solve()
+            if not found.success:
+                raise NumericError(f"the program has no solution at these parameters: {found!r}")
+            self.p, self.last = numpy.array(p), found
+        return self.last
+
+    def value(self, p: Any) -> Any:
+        found = self.at(p)
+        return numpy.append(found.x, found.objective)
+
+    def gradient(self, p: Any, weights: Any) -> Any:
+        self.at(p)
+        found = self.program.vjp(weights[:-1], weights[-1])
+        kinked = [k for k, s in enumerate(found.sides) if s != Sides.BOTH]
+        if kinked:
+            text = ", ".join(f"{k} ({found.sides[k].name.lower()})" for k in kinked[:5]) + ", ..." * (len(kinked) > 5)
+            text = f"the solution has a kink: derivatives hold on one side, or are NaN on neither, for the parameters {text}"
+            if self.kinks == "error":
+                raise NumericError(text)
+            warnings.warn(text, KinkWarning, stacklevel=2)
+        return found.p
+
+
+def solution(program: Mpcc, p: Any, *, kinks: str = "warn") -> tuple[Any, Any]:
+    """The solution x [n] of a program and its objective, as functions of the parameters `p` [np] that JAX can differentiate backwards.
+
+    A solve begins at the start that the program was given, so that the same p has the same solution. The program keeps the
+    parameters, and must not be used elsewhere at the same time. Where bounds or pairs are active without a multiplier the
+    gradient holds on one side of some parameters, and a `KinkWarning` says of which; it is NaN where nothing is known. `kinks="error"` makes an
+    error of both.
+
+    Errors: NumericError where the program has no solution, or none that is isolated; StateError where it is not exact. JAX wraps
+    them where it calls back."""
+    held = _Solutions(program, kinks)
+    array = jnp.asarray(p)
+    kind = array.dtype if jnp.issubdtype(array.dtype, jnp.floating) else jnp.result_type(float)
+    array = array.astype(kind).ravel()
+    n, np = program.n, program.np
+
+    def called(work: Any, length: int, *given: Any) -> Any:
+        def call(*rows: Any) -> Any:
+            return numpy.asarray(work(*(numpy.asarray(r, float) for r in rows)), dtype=kind)
+
+        return jax.pure_callback(call, jax.ShapeDtypeStruct((length,), kind), *given, vmap_method="sequential")
+
+    @jax.custom_vjp
+    def both(z: Any) -> Any:
+        return called(held.value, n + 1, z)
+
+    def forward(z: Any) -> Any:
+        return both(z), z
+
+    def backward(z: Any, weights: Any) -> Any:
+        return (called(held.gradient, np, z, weights),)
+
+    both.defvjp(forward, backward)
+    found = both(array)
+    return found[:n], found[n]

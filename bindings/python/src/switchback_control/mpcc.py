@@ -12,7 +12,7 @@ import numpy
 from . import _ffi, casadi
 from ._arrays import Array, address, bounds, index, real, seen, vector
 from ._call import encode, failed, text
-from ._ffi import Item, Member, Outcome, Polished
+from ._ffi import Item, Member, Outcome, Polished, Sides
 from ._library import lib
 from ._logs import monitors, take_verbose
 from ._solver import Solver
@@ -27,6 +27,8 @@ __all__ = [
     "Conflict",
     "Mpcc",
     "MpccResult",
+    "MpccTangents",
+    "MpccWeights",
     "Multipliers",
     "Nlp",
     "PairMember",
@@ -115,6 +117,23 @@ class Certificate:
             c.dependent,
             c.bound,
         )
+
+
+class MpccTangents(NamedTuple):
+    """Derivatives of a solution with respect to its parameters: of the point [n, np] and the objective [np]. Each holds on the `sides`
+    of its parameter (`Sides`); where that is `Sides.NEITHER` it is not known and NaN."""
+
+    x: Array
+    objective: Array
+    sides: tuple[Sides, ...]
+
+
+class MpccWeights(NamedTuple):
+    """The derivative of a solution with respect to its parameters, multiplied from the left by weights of point and objective: [np].
+    Each holds on the `sides` of its parameter; where that is `Sides.NEITHER` it is not known and NaN."""
+
+    p: Array
+    sides: tuple[Sides, ...]
 
 
 class Multipliers(NamedTuple):
@@ -464,6 +483,26 @@ class Mpcc(Solver):
         self._do(
             "set_warm_start", address(point), self.n, address(y_array), len(y_array), address(z_array), len(z_array)
         )
+
+    def tangents(self) -> MpccTangents:
+        """Derivatives of the last solution with respect to all parameters, while active bounds and the sides of pairs stay as they are.
+        The solution must be exact (`result.polished` is done, or there are no pairs), or StateError; derivatives that callables
+        have must be those by the parameters as well, or NumericError. NumericError too if the solution is not isolated."""
+        x, f, sides = numpy.empty((self.np, self.n)), numpy.empty(self.np), numpy.empty(self.np, numpy.int32)
+        self._do("get_tangents", address(x), x.size, address(f), f.size, address(sides), sides.size)
+        return MpccTangents(x.T.copy(), f, tuple(Sides(s) for s in sides.tolist()))
+
+    def vjp(self, x: Any = None, objective: float = 0.0) -> MpccWeights:
+        """The derivative of the last solution with respect to its parameters from the left (a vector-Jacobian product): the derivatives of
+        a number that depends on point and objective, of which `x` [n] and `objective` are the derivatives by these. One solve for all
+        parameters where the solution is differentiable. Errors: those of `tangents`."""
+        given = numpy.empty(0) if x is None else vector(x, self.n, "x")
+        p, sides = numpy.empty(self.np), numpy.empty(self.np, numpy.int32)
+        weight = real(objective, "objective")
+        if weight.ndim:
+            raise DimensionError("objective: its weight is a number")
+        self._do("vjp", address(given), given.size, float(weight), address(p), p.size, address(sides), sides.size)
+        return MpccWeights(p, tuple(Sides(s) for s in sides.tolist()))
 
     def resolve(self) -> MpccResult:
         """Solve from the last solution and its multipliers, as after a change of parameters or bounds."""

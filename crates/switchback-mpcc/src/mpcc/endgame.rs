@@ -13,6 +13,7 @@ use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, ProposalKind};
 use super::relaxed::Relaxed;
 use super::solver::{MpccSolver, Polish, KEPT_RELAXATION};
+use super::tangent::Sides;
 use crate::nlp::{Bounds, Control, Iterate, Monotone, Outcome, Start, INFINITE};
 use crate::stop;
 
@@ -55,6 +56,18 @@ pub(super) enum Active {
     No,
     Lower,
     Upper,
+}
+
+/// Rates of a solution along one change of its data, in the variables and rows of the solver.
+pub(super) struct Rates<'a> {
+    /// Of the variables.
+    pub x: &'a [f64],
+    /// Of the multipliers of fixed variables.
+    pub z: &'a [f64],
+    /// Of the multipliers of rows.
+    pub y: &'a [f64],
+    /// Of the rows.
+    pub c: &'a [f64],
 }
 
 /// Active bounds, and room to work with them.
@@ -134,6 +147,53 @@ impl ActiveSet {
         let largest = |v: &[f64]| v.iter().fold(1f64, |a, v| a.max(v.abs()));
         let tol = WEAK * largest(&at.y).max(largest(z));
         pairs.iter().any(|&(a, b)| at.x[a].max(at.x[b]) <= WEAK && z[a].abs().min(z[b].abs()) <= tol)
+    }
+
+    /// On which sides of the present data the solution follows its rates `r` with the active set as it is, at the settled point with
+    /// rows `c`: on a side on which bounds that are active without a multiplier get none of the wrong sign, and those that hold
+    /// without being active are not crossed. Both members of a pair may be zero: then one of them must rise, or the other one, which
+    /// its branch holds, have a multiplier that is not negative.
+    pub fn sides(&self, c: &[f64], pairs: &[(usize, usize)], r: &Rates) -> Sides {
+        let ActiveSet { x, c: active, exact: b, z, at, .. } = self;
+        let largest = |v: &[f64]| v.iter().fold(0f64, |a, v| a.max(v.abs()));
+        let tol = WEAK * largest(&at.y).max(largest(z)).max(1.0);
+        let (of_x, of_c) = (WEAK * largest(r.x), WEAK * largest(r.c));
+        let of_z = WEAK * largest(r.z).max(largest(r.y));
+        // what decides on a side: a rate that must not be negative there, and how much of it is rounding
+        let rate = |a: Active, v: f64, (lo, hi): (f64, f64), (z, dz): (f64, f64), (dv, small): (f64, f64)| {
+            let near = WEAK * (1.0 + v.abs());
+            match a {
+                _ if lo >= hi => None,
+                Active::Lower => (z.abs() <= tol).then_some((dz, of_z)),
+                Active::Upper => (z.abs() <= tol).then_some((-dz, of_z)),
+                Active::No if v - lo <= near => Some((dv, small)),
+                Active::No if hi - v <= near => Some((-dv, small)),
+                Active::No => None,
+            }
+        };
+        let mut conditions: Vec<(f64, f64)> = Vec::new();
+        for j in 0..x.len() {
+            conditions.extend(rate(x[j], at.x[j], (b.xl[j], b.xu[j]), (z[j], r.z[j]), (r.x[j], of_x)));
+        }
+        for i in 0..active.len() {
+            let limits = (b.cl[i], b.cu[i]);
+            conditions.extend(rate(active[i], c[i], limits, (-at.y[i], -r.y[i]), (r.c[i], of_c)));
+        }
+        let on = |sign: f64| {
+            let corner = |&(a, o): &(usize, usize)| {
+                let held = b.xl[a] == b.xu[a] && at.x[a].max(at.x[o]) <= WEAK && z[a] <= tol;
+                let rises = sign * r.x[o] > of_x;
+                !held || rises || (z[a] >= -tol && sign * r.z[a] >= -of_z)
+            };
+            conditions.iter().all(|(rate, small)| sign * rate >= -small)
+                && pairs.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).all(|pair| corner(&pair))
+        };
+        match (on(1.0), on(-1.0)) {
+            (true, true) => Sides::Both,
+            (true, false) => Sides::Rising,
+            (false, true) => Sides::Falling,
+            (false, false) => Sides::Neither,
+        }
     }
 
     /// Lets go of the bounds that hold without a multiplier; false where there are none.

@@ -382,6 +382,18 @@ impl<P: Nlp> Lifted<P> {
         (start, to_y, to_z)
     }
 
+    /// Derivative of variable `j` of the program by that of this problem: 1, or −1 where it is counted from its upper bound.
+    pub fn factor(&self, j: usize) -> f64 {
+        self.factor[j]
+    }
+
+    /// A weight of the program's variables `[n0]` as one of this problem's `[n]`.
+    pub fn weight(&self, of: &[f64]) -> Vec<f64> {
+        let mut to = vec![0.0; self.n];
+        to.iter_mut().zip(of).zip(&self.factor).for_each(|((to, w), f)| *to = f * w);
+        to
+    }
+
     /// Variables of this problem that are copies, in the order of their rows, which are the last ones.
     pub fn copies(&self) -> Vec<usize> {
         self.copies.iter().map(|c| c.v).collect()

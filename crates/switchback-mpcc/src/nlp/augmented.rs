@@ -16,6 +16,7 @@ use crate::error::Result;
 use crate::linalg::csc::Pattern;
 use crate::linalg::kkt::{Kkt, KktSettings, KktStatus, LinearStats};
 use crate::linalg::ldl::{self, interleaved};
+use crate::random::SplitMix64;
 use crate::settings::{LinearSolver, Ordering};
 use crate::stop;
 
@@ -292,6 +293,30 @@ impl Augmented {
         let Augmented { kkt, rhs, sol, .. } = self;
         let s = kkt.solve(rhs, sol);
         s.ok && s.relative <= CONSISTENT
+    }
+
+    /// Has the system a solution for every right-hand side, or for every one whose rows are zero? Asked of one that is drawn, which almost
+    /// surely has a share outside of the range if that is not everything. The factors bear singular matrices, because of their static shift.
+    pub fn is_onto(&mut self, rows: bool) -> bool {
+        let mut random = SplitMix64::new(1);
+        let n = if rows { self.rhs.len() } else { self.n };
+        self.rhs.fill(0.0);
+        for (out, scale) in self.rhs[..n].iter_mut().zip(self.kkt.scaling()) {
+            *out = (random.share() - 0.5) / scale;
+        }
+        self.solve_consistent()
+    }
+
+    /// The Hessian times `x[n]`.
+    pub fn times_hessian(&self, v: &Values, x: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        for (h, &(i, j)) in v.hess.iter().zip(&self.hess_rc) {
+            let (i, j) = (i as usize, j as usize);
+            out[i] += h * x[j];
+            if i != j {
+                out[j] += h * x[i];
+            }
+        }
     }
 
     /// Takes what fixed variables that move by `dx[n]` do to the gradients of the free ones off the right-hand side.

@@ -6,6 +6,7 @@ use super::problem::Nlp;
 use crate::error::{Error, Result};
 use crate::func::{EvalError, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
+use crate::random::SplitMix64;
 use crate::stop;
 
 /// A function at `Point { t: 0, x: w, u: [], p }`, and where its derivatives go.
@@ -48,6 +49,18 @@ impl Part {
     fn jacobian(&mut self, at: &Point) -> EvalResult {
         let r = self.f.jacobian(at, &mut self.jac, &mut self.work);
         self.note("Jacobian", r)
+    }
+
+    /// Adds mixed second derivatives by variables, which are the first `n` inputs, and parameters.
+    fn add_mixed(&mut self, at: &Point, weights: &[f64], n: usize, to: &mut [ParameterChange]) -> EvalResult {
+        let r = self.f.hessian(at, weights, &mut self.hess, &mut self.work);
+        self.note("Hessian", r)?;
+        let p = self.f.hess_pattern();
+        for (k, c) in to.iter_mut().enumerate() {
+            let entries = p.range(n + k).map(|e| (p.row_idx()[e], self.hess[e]));
+            c.gradient.extend(entries.filter(|(i, v)| *i < n && *v != 0.0));
+        }
+        Ok(())
     }
 
     fn add_hessian(&mut self, at: &Point, weights: &[f64], out: &mut [f64]) -> EvalResult {
@@ -182,6 +195,151 @@ impl CallbackNlp {
         }
         self.params.copy_from_slice(p);
         Ok(())
+    }
+}
+
+/// What a unit of a parameter does while the variables are held.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ParameterChange {
+    /// To the objective.
+    pub objective: f64,
+    /// To the gradient of the Lagrangian by the variables: variable and change.
+    pub gradient: Vec<(usize, f64)>,
+    /// To the rows.
+    pub rows: Vec<(usize, f64)>,
+}
+
+/// Step of differences in the parameters, relative to them: with errors of functions and their gradients of about `ε`, and of
+/// `√ε` where gradients are differences themselves, theirs are far below [`DOUBT`].
+const STEP: f64 = 1e-4;
+/// Difference between derivatives that were given and those found, relative to the larger of both, from which they are not the same.
+const DOUBT: f64 = 1e-2;
+/// Rounding of a value or gradient at most, relative to the terms it is made of; and of one that is finite differences.
+const ROUNDING: f64 = 1e-12;
+const ROUNDING_OF_DIFFERENCES: f64 = 1e-7;
+
+impl CallbackNlp {
+    /// The first derivatives by the parameters, and mixed second derivatives of the Lagrangian, at `x[n]` with the multipliers
+    /// `y[m]`: those of the functions, and central differences of gradients where the Hessian is given in one piece.
+    pub fn parameter_changes(&mut self, x: &[f64], y: &[f64]) -> std::result::Result<Vec<ParameterChange>, EvalError> {
+        let n = self.n;
+        let mut changes = vec![ParameterChange::default(); self.params.len()];
+        let at = Point { t: 0.0, x, u: &[], p: &self.params };
+        let o = &mut self.objective;
+        o.jacobian(&at)?;
+        for (k, c) in changes.iter_mut().enumerate() {
+            c.objective = o.jac[o.f.jac_pattern().range(n + k)].iter().sum();
+        }
+        if let Some(part) = &mut self.constraints {
+            part.jacobian(&at)?;
+            let p = part.f.jac_pattern();
+            for (k, c) in changes.iter_mut().enumerate() {
+                c.rows = p.range(n + k).map(|e| (p.row_idx()[e], part.jac[e])).collect();
+            }
+        }
+        if self.lagrangian.is_none() {
+            self.objective.add_mixed(&at, &[1.0], n, &mut changes)?;
+            if let Some(part) = &mut self.constraints {
+                part.add_mixed(&at, y, n, &mut changes)?;
+            }
+            return Ok(changes);
+        }
+        let sizes = self.parameter_sizes();
+        for (k, c) in changes.iter_mut().enumerate() {
+            let mut along = vec![0.0; sizes.len()];
+            along[k] = sizes[k];
+            let (_, by) = self.along(x, y, &along)?;
+            c.gradient = by.gradient.into_iter().map(|(j, v)| (j, v / sizes[k])).filter(|c| c.1 != 0.0).collect();
+        }
+        Ok(changes)
+    }
+
+    /// Are these the derivatives of the functions? Compared with differences along one direction: columns of parameters that were
+    /// left out would be taken for zeros.
+    pub fn parameters_agree(
+        &mut self,
+        x: &[f64],
+        y: &[f64],
+        changes: &[ParameterChange],
+    ) -> std::result::Result<bool, EvalError> {
+        if changes.is_empty() {
+            return Ok(true);
+        }
+        let mut random = SplitMix64::new(1);
+        let mut draw = || if random.share() < 0.5 { -1.0 } else { 1.0 } * (0.5 + 0.5 * random.share());
+        let along: Vec<f64> = self.parameter_sizes().iter().map(|size| size * draw()).collect();
+        let (magnitude, found) = self.along(x, y, &along)?;
+        // what differences with half the step differ by is their own error
+        let half: Vec<f64> = along.iter().map(|d| 0.5 * d).collect();
+        let (_, finer) = self.along(x, y, &half)?;
+        let (mut objective, mut gradient, mut rows) = (0.0, vec![0.0; self.n], vec![0.0; self.m]);
+        for (c, d) in changes.iter().zip(&along) {
+            objective += d * c.objective;
+            c.gradient.iter().for_each(|&(j, v)| gradient[j] += d * v);
+            c.rows.iter().for_each(|&(i, v)| rows[i] += d * v);
+        }
+        let parts = || std::iter::once(&self.objective).chain(&self.constraints);
+        let approximate = parts().any(|p| p.f.jacobian_is_approximate());
+        let noise = if approximate { ROUNDING_OF_DIFFERENCES } else { ROUNDING } / STEP;
+        let same = |given: f64, found: f64, finer: f64, magnitude: f64| {
+            let error = (found - 2.0 * finer).abs() + noise * magnitude;
+            (given - found).abs() <= DOUBT * given.abs().max(found.abs()) + 2.0 * error
+        };
+        let all = |given: &[f64], found: &[(usize, f64)], finer: &[(usize, f64)], sizes: &[(usize, f64)]| {
+            (0..given.len()).all(|i| same(given[i], found[i].1, finer[i].1, sizes[i].1))
+        };
+        Ok(same(objective, found.objective, finer.objective, magnitude.objective)
+            && all(&gradient, &found.gradient, &finer.gradient, &magnitude.gradient)
+            && all(&rows, &found.rows, &finer.rows, &magnitude.rows))
+    }
+
+    /// What the parameters are measured by: their own size, and a share of the largest, or 1.
+    fn parameter_sizes(&self) -> Vec<f64> {
+        let largest = self.params.iter().fold(0f64, |a, p| a.max(p.abs()));
+        let least = if largest > 0.0 { ROUNDING_OF_DIFFERENCES * largest } else { 1.0 };
+        self.params.iter().map(|p| if *p == 0.0 { largest.max(least) } else { p.abs().max(least) }).collect()
+    }
+
+    /// Sizes of objective, entries of the gradient of the Lagrangian and rows, and central differences of them along a direction of the
+    /// parameters, every entry.
+    fn along(
+        &mut self,
+        x: &[f64],
+        y: &[f64],
+        direction: &[f64],
+    ) -> std::result::Result<(ParameterChange, ParameterChange), EvalError> {
+        let before = self.params.clone();
+        let mut at = |step: f64| {
+            for ((p, b), d) in self.params.iter_mut().zip(&before).zip(direction) {
+                *p = b + step * d;
+            }
+            let (mut grad, mut jac, mut rows) = (vec![0.0; self.n], vec![0.0; self.jac.nnz()], vec![0.0; self.m]);
+            let f = self.eval(x, &mut rows).and_then(|f| self.derivatives(x, &mut grad, &mut jac).map(|()| f));
+            self.params.copy_from_slice(&before);
+            let f = f?;
+            // the terms of the gradient of the Lagrangian may cancel: their sizes count
+            let mut sizes: Vec<f64> = grad.iter().map(|g| g.abs()).collect();
+            for (j, g) in grad.iter_mut().enumerate() {
+                for e in self.jac.range(j) {
+                    let term = jac[e] * y[self.jac.row_idx()[e]];
+                    *g += term;
+                    sizes[j] += term.abs();
+                }
+            }
+            Ok::<_, EvalError>((f, grad, rows, sizes))
+        };
+        let (right, left) = (at(STEP)?, at(-STEP)?);
+        let difference = |a: &[f64], b: &[f64]| -> Vec<(usize, f64)> {
+            a.iter().zip(b).map(|(a, b)| (a - b) / (2.0 * STEP)).enumerate().collect()
+        };
+        let sizes = |v: &[f64]| -> Vec<(usize, f64)> { v.iter().map(|v| v.abs()).enumerate().collect() };
+        let magnitude = ParameterChange { objective: right.0.abs(), gradient: sizes(&right.3), rows: sizes(&right.2) };
+        let change = ParameterChange {
+            objective: (right.0 - left.0) / (2.0 * STEP),
+            gradient: difference(&right.1, &left.1),
+            rows: difference(&right.2, &left.2),
+        };
+        Ok((magnitude, change))
     }
 }
 

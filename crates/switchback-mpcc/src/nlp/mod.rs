@@ -32,7 +32,7 @@ mod solver;
 mod start;
 mod tangent;
 
-pub use callback::{CallbackNlp, LagrangianFn};
+pub use callback::{CallbackNlp, LagrangianFn, ParameterChange};
 pub use curvature::{FirstOrder, SecondOrder};
 pub use iterate::Iterate;
 pub use problem::within;
