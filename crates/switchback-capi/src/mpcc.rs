@@ -63,6 +63,13 @@ struct Facts {
     scaling: diagnostics::Factors,
 }
 
+/// What a solve was told.
+struct Stated {
+    bounds: Bounds,
+    boxes: Vec<usize>,
+    params: Vec<f64>,
+}
+
 /// The last solve.
 pub(super) struct Outcome1 {
     pub solution: Solution,
@@ -280,7 +287,7 @@ impl Program {
         solver.settings = MpccSettings::from(&self.settings);
         let level = self.settings.verbosity();
         let (start, rows, seconds, result) = (&self.start, self.m, self.settings.max_time, &mut self.result);
-        let params = self.params.clone();
+        let stated = Stated { bounds: bounds.clone(), boxes, params: self.params.clone() };
         *result = None;
         let outcome = self.hooks.run("mpcc", level, |control| {
             control.within(seconds, |control| {
@@ -294,7 +301,7 @@ impl Program {
             });
             let outcome = solver.solution().outcome;
             let undefined = problem.inner().undefined().map(|(f, part)| trouble::undefined(part, f));
-            *result = Some(Outcome1::of(problem, solver, jac, bounds, boxes, params, (start.len(), rows), time_build));
+            *result = Some(Outcome1::of(problem, solver, jac, stated, (start.len(), rows), time_build));
             undefined.filter(|_| outcome == Outcome::Failed).map_or(Ok(outcome), Err)
         })?;
         let importance = if outcome == Outcome::Solved { LogLevel::Info } else { LogLevel::Warning };
@@ -381,9 +388,7 @@ impl Outcome1 {
         problem: &mut Lifted<CallbackNlp>,
         solver: &MpccSolver,
         jac: &Arc<Pattern>,
-        bounds: Bounds,
-        boxes: Vec<usize>,
-        params: Vec<f64>,
+        stated: Stated,
         (n, m): (usize, usize),
         time_build: f64,
     ) -> Outcome1 {
@@ -400,8 +405,8 @@ impl Outcome1 {
             x: problem.point(&solution.x),
             z: problem.bound_multipliers(&solution.z),
             copies: problem.copies(),
-            boxes,
-            params,
+            boxes: stated.boxes,
+            params: stated.params,
             solution,
             pairs,
             time_build,
@@ -418,7 +423,7 @@ impl Outcome1 {
             c: vec![0.0; problem.m()],
             grad: vec![0.0; problem.n()],
             jac_values: vec![0.0; jac.nnz()],
-            bounds,
+            bounds: stated.bounds,
             scaling: solver.scaling(),
         };
         let known = problem.eval(x, &mut facts.c).is_ok()

@@ -280,24 +280,25 @@ fn deviation(p: &mut dyn Nlp, x: &[f64], y: &[f64]) -> f64 {
         let f = p.eval(&z, &mut c).unwrap();
         p.derivatives(&z, &mut g, &mut v).unwrap();
         // the gradient of the Lagrangian
-        for k in 0..n {
-            g[k] += jac.range(k).map(|e| v[e] * y[jac.row_idx()[e]]).sum::<f64>();
+        for (k, g) in g.iter_mut().enumerate() {
+            *g += jac.range(k).map(|e| v[e] * y[jac.row_idx()[e]]).sum::<f64>();
         }
         (f, c, g)
     };
+    let slope = |a: f64, b: f64, given: f64| ((a - b) / (2.0 * STEP) - given).abs();
     let mut worst: f64 = 0.0;
-    for j in 0..n {
+    for (j, given) in grad.iter().enumerate() {
         let (plus, minus) = (at(p, j, STEP), at(p, j, -STEP));
-        worst = worst.max(((plus.0 - minus.0) / (2.0 * STEP) - grad[j]).abs());
+        worst = worst.max(slope(plus.0, minus.0, *given));
         let mut column = vec![0.0; m];
         jac.range(j).for_each(|e| column[jac.row_idx()[e]] = values[e]);
-        for i in 0..m {
-            worst = worst.max(((plus.1[i] - minus.1[i]) / (2.0 * STEP) - column[i]).abs());
+        for (i, given) in column.iter().enumerate() {
+            worst = worst.max(slope(plus.1[i], minus.1[i], *given));
         }
         let mut of_hess = vec![0.0; n];
         hess.range(j).for_each(|e| of_hess[hess.row_idx()[e]] = second[e]);
-        for i in 0..=j {
-            worst = worst.max(((plus.2[i] - minus.2[i]) / (2.0 * STEP) - of_hess[i]).abs());
+        for (i, given) in of_hess.iter().enumerate().take(j + 1) {
+            worst = worst.max(slope(plus.2[i], minus.2[i], *given));
         }
     }
     worst
