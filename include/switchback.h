@@ -9388,9 +9388,9 @@ SWB_API void swb_mpcc_free(struct swb_mpcc *mpcc);
  * solution must be exact (SWB_POLISHED_DONE, or solved if there are no pairs). Functions need derivatives by the parameters as well. One
  * factorisation, and a solve for every parameter; swb_mpcc_vjp is faster where one number depends on many parameters.
  *
- * A derivative that is returned holds on the sides that are returned with it. Where it is not known it is NaN.
+ * A derivative that is returned holds on the sides that are returned with it. Where it is not known it is NaN. Bounds and parameters
+ * that were set since the solve are not used.
  *
- * @param[in,out] mpcc the program; bounds, parameters and options may have been set to others since the solve, and are not used
  * @param[out] x         [n_x] np * n, derivatives of the point, those by one parameter together; NULL with n_x 0 if not wanted
  * @param[out] objective [n_objective] np, derivatives of the objective; NULL with n_objective 0 if not wanted
  * @param[out] sides     [n_sides] np, an enum swb_sides each; NULL with n_sides 0 if not wanted
