@@ -731,7 +731,7 @@ mod tests {
         for (place, (kind, _)) in ITEMS.iter().enumerate() {
             assert_eq!((*kind as usize, swb_item::of(place as i32).unwrap()), (place, *kind));
         }
-        assert_eq!(swb_item::of(3).unwrap_err().code(), -3);
+        assert_eq!(swb_item::of(4).unwrap_err().code(), -3);
         let mut names = Names::default();
         names.set_len(swb_item::Pair, 2);
         names.0[2][1] = Some("valve".into());
