@@ -126,6 +126,7 @@ NAVIGATION = """
       - Verdict and descent: dev/algorithms/verdict.md
       - Real-time control: dev/algorithms/nmpc.md
       - Memory: dev/algorithms/memory.md
+      - Collections of programs: dev/collections.md
       - Contributing: contributing.md
       - Changes: changelog.md
       - Fuzzing: fuzz.md

@@ -202,3 +202,22 @@ def test_units_do_not_matter(name):
         assert (one["outcome"], one["certificate"]) == ("solved", own["certificate"])
         assert one["cost"] / change.cost == pytest.approx(own["cost"], rel=1e-6)
         assert 0.5 <= one["iterations"] / own["iterations"] <= 2.0
+
+
+def test_collections_of_programs(tmp_path):
+    pytest.importorskip("casadi")
+    files = FOLDER.parents[2] / "crates" / "switchback-mpcc-ampl" / "tests" / "data"
+    (tmp_path / "integer.nl").write_text("b3 1 1 0\n")
+    command = [sys.executable, FOLDER / "mpcc_collections.py", "textbook", "boxes", "bilevel", "bent", "quadratic", files, tmp_path]
+    command += ["--count", "1", "--seed", "3", "--solvers", "switchback,scholtes", "--json", tmp_path / "out.json"]
+    told = subprocess.run([*command, "--profile", tmp_path / "profile.svg"], capture_output=True, text=True, check=True).stdout
+    assert "integer" in told and "not read: a binary file" in told
+    results = json.loads((tmp_path / "out.json").read_text())["results"]
+    assert (tmp_path / "profile.svg").read_text().startswith("<svg")
+    found = {r["name"]: r for r in results["switchback"]}
+    assert len(results["switchback"]) == 17 and all(r["solved"] for r in results["switchback"])
+    for name, f in {"bard1": 17.0, "gauvin-savard": 20.0, "jr1": 0.5, "kth3": 0.5, "scale": 1.0}.items():
+        assert abs(found[name]["objective"] - f) < 1e-6
+    # both solvers see the same functions
+    both = [(r["objective"], p["objective"]) for r, p in zip(*results.values()) if p["solved"]]
+    assert len(both) >= 12 and sum(abs(a - b) < 1e-3 * (1 + abs(a)) for a, b in both) >= 10
