@@ -163,7 +163,9 @@ struct Race<'a, S: Space> {
     /// Candidates of sources, those among them that lead to what is known.
     candidates: usize,
     steps: usize,
-    /// Work and candidates at the last gain.
+    /// Work that was done before it.
+    began: f64,
+    /// Its work and candidates at the last gain.
     gained_at: (f64, usize),
 }
 
@@ -192,6 +194,7 @@ pub(crate) fn explore<S: Space>(
         arms: plan.sources.iter().map(arm).collect(),
         space,
         plan,
+        began: budget.spent(),
         budget,
         nodes: Vec::new(),
         order: Vec::new(),
@@ -239,6 +242,11 @@ pub(crate) fn explore<S: Space>(
 }
 
 impl<S: Space> Race<'_, S> {
+    /// Its work so far.
+    fn spent(&self) -> f64 {
+        self.budget.spent() - self.began
+    }
+
     fn rank(&self, node: usize) -> Rank {
         self.space.rank(&self.nodes[node].0)
     }
@@ -271,7 +279,7 @@ impl<S: Space> Race<'_, S> {
     fn is_in_vain(&self) -> bool {
         let (work, candidates) = self.gained_at;
         (self.candidates - candidates) as f64 >= self.plan.effort * IN_VAIN
-            && self.budget.spent() - work >= self.plan.effort * work
+            && self.spent() - work >= self.plan.effort * work
             && self.attempts >= self.plan.least_tried
     }
 
@@ -281,11 +289,20 @@ impl<S: Space> Race<'_, S> {
         best.feasible && (self.plan.any && best.idle == 0 || self.is_in_vain() && self.is_settled())
     }
 
-    /// Makes the next step; false where there is none.
-    fn step(&mut self, control: &mut Control) -> Result<bool> {
-        let usual = self.budget.spent() / self.steps.max(1) as f64 + 1.0;
+    /// The arm with the next step, its part, and whether that is for local neighbours alone; nothing where no arm has one.
+    fn choose(&self) -> Option<(usize, usize, bool)> {
+        let is_in_vain = self.is_in_vain();
+        if self.is_solved() && is_in_vain {
+            // all that is left to do is to compare the best with what is next to it
+            let best = self.order.first();
+            let owns = |a: &Arm<S>| a.has_neighbour() && a.best.as_ref().map(|o| &o.node) == best;
+            if let Some(k) = self.arms.iter().position(owns) {
+                return Some((k, 1, true));
+            }
+        }
+        let usual = self.spent() / self.steps.max(1) as f64 + 1.0;
         // where nothing has a solution, neighbours that have been in vain leave the rest to candidates
-        let candidates_only = !self.is_solved() && self.is_in_vain();
+        let candidates_only = !self.is_solved() && is_in_vain;
         let has_step = |a: &Arm<S>| a.has_candidate() || a.has_neighbour() && !candidates_only;
         let left = self.arms.iter().enumerate().filter(|(_, a)| has_step(a));
         let expected = |a: &Arm<S>| match a.steps {
@@ -293,14 +310,18 @@ impl<S: Space> Race<'_, S> {
             _ => usual,
         };
         let prospect = |a: &Arm<S>| a.all.prospect(expected(a));
-        let best = left.min_by(|(i, a), (j, b)| prospect(b).total_cmp(&prospect(a)).then(i.cmp(j)));
-        let Some((k, arm)) = best else { return self.retry(control) };
-        let part = if candidates_only { 0 } else { arm.next_part() };
+        let (k, arm) = left.min_by(|(i, a), (j, b)| prospect(b).total_cmp(&prospect(a)).then(i.cmp(j)))?;
+        Some((k, if candidates_only { 0 } else { arm.next_part() }, false))
+    }
+
+    /// Makes the next step; false where there is none.
+    fn step(&mut self, control: &mut Control) -> Result<bool> {
+        let Some((k, part, only_local)) = self.choose() else { return self.retry(control) };
         let (work, before) = (self.budget.spent(), self.best());
         let own = self.best_of(k);
         let ended = match part {
             0 => self.ask(k, control),
-            _ => self.try_neighbour(k, control),
+            _ => self.try_neighbour(k, only_local, control),
         };
         self.steps += 1;
         let work = self.budget.spent() - work + *ended.as_ref().unwrap_or(&0.0);
@@ -317,7 +338,7 @@ impl<S: Space> Race<'_, S> {
             (arm.all.gains, arm.parts[0].gains, arm.parts[1].gains) = (0, 0, 0);
         }
         if gained {
-            self.gained_at = (self.budget.spent(), self.candidates);
+            self.gained_at = (self.spent(), self.candidates);
         }
         ended.map(|_| true)
     }
@@ -337,9 +358,9 @@ impl<S: Space> Race<'_, S> {
         }
     }
 
-    /// The most promising neighbour of the best that a source has found; what others have done of its work.
-    fn try_neighbour(&mut self, k: usize, control: &mut Control) -> Result<f64> {
-        let (space, nodes) = (&*self.space, &self.nodes);
+    /// The most promising neighbour of the best that a source has found, of all or of local ones that were not tried; what others have done of its work.
+    fn try_neighbour(&mut self, k: usize, only_local: bool, control: &mut Control) -> Result<f64> {
+        let (space, nodes, tried) = (&*self.space, &self.nodes, &self.tried);
         let Arm { best: Some(own), kinds, .. } = &mut self.arms[k] else { return Ok(0.0) };
         let rank = space.rank(&nodes[own.node].0);
         let next = own.next.get_or_insert_with(|| {
@@ -355,7 +376,9 @@ impl<S: Space> Race<'_, S> {
         let order = |a: &Neighbour<S::Sequence>, b: &Neighbour<S::Sequence>| {
             price(a).total_cmp(&price(b)).then(rate(b).total_cmp(&rate(a)))
         };
-        let first = next.left.iter().enumerate().min_by(|(i, a), (j, b)| order(a, b).then(i.cmp(j))).map(|f| f.0);
+        let counts = |n: &Neighbour<S::Sequence>| !only_local || n.is_local && !tried.contains_key(&n.sequence);
+        let left = next.left.iter().enumerate().filter(|(_, n)| counts(n));
+        let first = left.min_by(|(i, a), (j, b)| order(a, b).then(i.cmp(j))).map(|f| f.0);
         let Some(first) = first else { return Ok(0.0) };
         let Neighbour { sequence, kind, .. } = next.left.remove(first);
         let motion = space.moved(&nodes[own.node].0, &next.motion, &sequence);
@@ -377,7 +400,7 @@ impl<S: Space> Race<'_, S> {
         self.failed.retain(|f| f.1 != k);
         self.attempt(k, candidate, (Source::Retries, PATIENT), control)?;
         if self.is_solved() {
-            self.gained_at = (self.budget.spent(), self.candidates);
+            self.gained_at = (self.spent(), self.candidates);
         }
         Ok(true)
     }
@@ -391,11 +414,13 @@ impl<S: Space> Race<'_, S> {
         (source, patience): (Source, usize),
         control: &mut Control,
     ) -> Result<f64> {
+        if candidate.promise == f64::INFINITY {
+            return Ok(0.0);
+        }
         self.candidates += usize::from(source != Source::Neighbours);
         let best = self.best();
         let cost = if best.feasible && !best.contradicted { best.cost } else { f64::INFINITY };
-        let no_gain = cost.is_finite() && candidate.promise >= cost - self.plan.gain * cost.abs();
-        if no_gain || candidate.promise == f64::INFINITY {
+        if cost.is_finite() && candidate.promise >= cost - self.plan.gain * cost.abs() {
             return Ok(0.0);
         }
         let known = self.tried.entry(candidate.sequence.clone()).or_default();

@@ -12,8 +12,10 @@ pub(crate) enum Source {
     Guess,
     /// Simulations of controls that need no search: those of the guess, extremes of the bounds.
     Simulation,
-    /// The solution of a problem with fewer conditions: choices anywhere between their values.
+    /// The solution of a problem with fewer conditions: choices anywhere between their values, contacts whose forces act at a distance.
     Relaxation,
+    /// Time stepping, all steps of it in one program.
+    Stepping,
     /// Problems with smooth surfaces in the place of switches, wide ones first.
     Smoothing,
     /// Simulations of random controls, aimed at the constraints.
@@ -29,7 +31,8 @@ pub(crate) enum Source {
 pub(crate) struct Candidate<S, M> {
     pub sequence: S,
     pub motion: M,
-    /// The cost that the source expects, minus infinity where it expects none: what promises no gain is not solved.
+    /// The cost that the source expects, minus infinity where it expects none: what promises no gain is not solved. Infinity is for what leads nowhere: it
+    /// is not solved either, and says nothing of others.
     pub promise: f64,
 }
 
