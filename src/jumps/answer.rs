@@ -12,11 +12,6 @@ use crate::freezing::Report;
 use crate::mpcc::Certificate;
 use crate::nlp::{Outcome, Residuals, Statistics};
 
-/// Violation below which two answers that are no solutions are compared by their costs.
-pub(super) const NEARLY: f64 = 1e-4;
-/// Share of the cost by which a sequence must be better to count.
-pub(super) const GAIN: f64 = 1e-9;
-
 /// A contact whose friction and normal force contradict each other in a simulation (Painlevé).
 #[derive(Debug, Clone, Copy)]
 pub struct Paradox {
@@ -33,6 +28,8 @@ pub struct Paradox {
 pub struct Answer {
     /// How it ended.
     pub outcome: Outcome,
+    /// Was its program given up at a point that meets the constraints, for gaining next to nothing?
+    pub(super) has_crept: bool,
     /// Initial state.
     pub x0: Vec<f64>,
     /// Modes and jumps.
@@ -97,6 +94,11 @@ impl Answer {
         self.outcome == Outcome::Solved
     }
 
+    /// Does it meet the constraints, as a solution or as what is about as good as one?
+    pub(super) fn is_feasible(&self) -> bool {
+        self.is_solved() || self.has_crept
+    }
+
     /// Controls of all stages, those behind the scene's included.
     pub fn controls(&self) -> &[f64] {
         &self.track.controls
@@ -121,42 +123,4 @@ pub struct Findings {
     pub best: Found,
     /// Dearer ones that were found on the way, the cheapest first, for whom the best is none of the control problem.
     pub others: Vec<Found>,
-}
-
-/// Solutions before others; of two the cheaper, where costs as large as `largest` have the rounding of that, and at the same cost the one without
-/// phases that want to vanish; of others the one with the smaller violation, or
-/// the cheaper where neither has one that is worth mentioning.
-pub(super) fn is_better(a: &Answer, b: &Answer, largest: f64) -> bool {
-    match (a.is_solved(), b.is_solved()) {
-        (true, true) => {
-            let simpler = a.vanishing.is_empty() && !b.vanishing.is_empty();
-            is_cheaper(a.cost, b.cost, largest) || (simpler && !is_cheaper(b.cost, a.cost, largest))
-        }
-        (false, false) if a.violation.max(b.violation) < NEARLY && (a.cost - b.cost).abs() > GAIN * b.cost.abs() => {
-            a.cost < b.cost
-        }
-        (false, false) => a.violation < b.violation,
-        (now, _) => now,
-    }
-}
-
-/// Is a cost lower than another one by more than counts? Costs have the rounding of the largest on the way to them: those of motions that end at
-/// zero are differences of that.
-pub(super) fn is_cheaper(a: f64, b: f64, largest: f64) -> bool {
-    a < b - (GAIN * b.abs()).max(f64::EPSILON * largest)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::is_cheaper;
-
-    #[test]
-    fn costs_at_zero_have_the_rounding_of_those_on_the_way() {
-        // 1e-17 is none the worse than 1e-20 where costs of 3 were seen, and is where none above 1e-12 was
-        assert!(!is_cheaper(1e-20, 1e-17, 3.0) && !is_cheaper(-1e-17, 1e-17, 3.0));
-        assert!(is_cheaper(1e-20, 1e-17, 1e-12) && !is_cheaper(1e-17, 1e-20, 1e-12));
-        // costs away from zero by a share of their own
-        assert!(is_cheaper(1.0 - 1e-8, 1.0, 3.0) && !is_cheaper(1.0 - 1e-10, 1.0, 3.0));
-        assert!(is_cheaper(-1.0 - 1e-8, -1.0, 3.0) && !is_cheaper(f64::NAN, 1.0, 3.0));
-    }
 }

@@ -28,6 +28,8 @@ pub(super) struct Limits {
     pub(super) patience: usize,
     /// A cost that has to be met, infinite where none has.
     pub(super) cost: f64,
+    /// Share of its cost that a program whose constraints hold has to gain for its iterations; infinite where no gain is worth more of them.
+    pub(super) gain: f64,
     /// Do directions solve for the rows by themselves? On fine grids, and where a path constraint holds a contact in its place, rows are next to
     /// dependent, and of the last of their violation the usual directions leave all.
     pub(super) exact_rows: bool,
@@ -38,7 +40,7 @@ pub(super) struct Limits {
 impl Limits {
     /// Of a program that nothing is known of but this patience.
     pub(super) fn of_patience(patience: usize) -> Limits {
-        Limits { patience, cost: f64::INFINITY, exact_rows: false, close: false }
+        Limits { patience, cost: f64::INFINITY, gain: 0.0, exact_rows: false, close: false }
     }
 }
 
@@ -65,7 +67,7 @@ pub(super) fn without_overlap(
         held.witnesses.extend(more);
         let (sequence, guess) = (last.sequence.clone(), last.track.clone());
         let next = solve_sequence(p, &sequence, &guess, &held, None, settings, limits, control)?;
-        let solved = next.0.is_solved();
+        let solved = next.0.is_feasible();
         found = Some(next);
         if !solved {
             break;
@@ -93,7 +95,7 @@ pub(super) fn solve_sequence(
     if limits.exact_rows {
         solver.demand_rows();
     }
-    let (s, largest) = run(&mut solver, &mut t, point, limits, control);
+    let (s, largest, has_crept) = run(&mut solver, &mut t, point, limits, control);
     let track = t.read(p, &s.x, &|_| Vec::new());
     let cost = t.cost(&s.x).unwrap_or(f64::NAN);
     let trouble = match (s.outcome, t.program.trouble()) {
@@ -107,6 +109,7 @@ pub(super) fn solve_sequence(
     let known = std::mem::take(&mut t.guards);
     let touched = match s.outcome {
         Outcome::Solved => guards::touched(&known, &mut t, &s.x),
+        _ if has_crept => guards::touched(&known, &mut t, &s.x),
         _ => Vec::new(),
     };
     t.guards = known;
@@ -115,7 +118,7 @@ pub(super) fn solve_sequence(
     let vanishing = modal::vanishing(&lengths);
     let gradient = t.controls.iter().flat_map(|&u| s.z[u..u + p.given.dims.u].to_vec()).collect();
     let kinks = kinks(p, sequence, &track, &touched);
-    let overlap = s.outcome == Outcome::Solved && !overlaps(p, &track).is_empty();
+    let overlap = (s.outcome == Outcome::Solved || has_crept) && !overlaps(p, &track).is_empty();
     let planned = sequence.clone();
     let mut sequence = sequence.clone();
     for (stage, lengths) in sequence.stages.iter_mut().zip(&lengths) {
@@ -127,6 +130,7 @@ pub(super) fn solve_sequence(
     sequence.tidy();
     let answer = Answer {
         outcome: s.outcome,
+        has_crept,
         x0: t.state(p, t.x0, &s.x),
         sequence,
         track,
@@ -184,8 +188,8 @@ fn run(
     point: Option<&[Vec<f64>; 3]>,
     limits: Limits,
     control: &mut Control,
-) -> (Solution, f64) {
-    let patience = Patience { iterations: limits.patience, stationary: 2, cut: CREEPING };
+) -> (Solution, f64, bool) {
+    let patience = Patience { iterations: limits.patience, stationary: 2, cut: CREEPING, gain: limits.gain };
     let mut watch = EarlyTermination::new(limits.cost, patience, solver.row_tolerance());
     let (start, bounds) = (&t.start, &t.bounds);
     let mut s = watched(&mut watch, control, |inner| {
@@ -199,5 +203,6 @@ fn run(
     if watch.is_over() && s.outcome == Outcome::Stopped {
         s.outcome = Outcome::MaxIter;
     }
-    (s, watch.largest)
+    let has_crept = watch.has_crept() && s.outcome == Outcome::MaxIter;
+    (s, watch.largest, has_crept)
 }

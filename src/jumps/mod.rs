@@ -3,8 +3,8 @@
 //! - [`modal`]: the *contact mode program*, smooth, for given contact modes and jumps. Every answer is one of its solutions.
 //! - [`complementary`]: *FESD with jumps*, an MPCC that finds modes and jumps.
 //! - [`frozen`]: the problem in the numerical time of time-freezing, by finite elements with switch detection.
-//! - [`search`]: from a simulated guess, or from one of these programs, to modes; from modes to those next to them as long as the cost
-//!   falls.
+//! - [`sources`]: orders of contacts from simulations and from these programs.
+//! - [`space`]: the orders as the race of all sources searches them; [`search`]: what it is asked for.
 //!
 //! All programs are sums of model functions at points ([`assembly`]); [`transcribe`] writes motion, costs and constraints, which
 //! are the same for all of them.
@@ -42,6 +42,8 @@ mod sensitivity;
 mod short_phase_tests;
 mod shots;
 mod simulate;
+mod sources;
+mod space;
 pub(crate) mod spread;
 mod stepping;
 mod track;

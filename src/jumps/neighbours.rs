@@ -553,18 +553,20 @@ pub(super) fn neighbours(
 }
 
 /// Sequences next to the present motion before others, and of those one of every kind in turn: which kind helps says the problem.
-pub(super) fn in_turn(near: &mut [Neighbour], helped: Option<Move>) {
+pub(super) fn in_turn(near: &mut Vec<Neighbour>) {
     let mut seen = [0usize; Move::KINDS];
-    let mut rank: Vec<usize> = Vec::with_capacity(near.len());
-    for n in near.iter() {
-        let first = n.local || helped == Some(n.moved);
-        rank.push(if first { 0 } else { 1 + seen[n.moved.kind()] });
-        seen[n.moved.kind()] += usize::from(!first);
-    }
-    let mut order: Vec<usize> = (0..near.len()).collect();
-    order.sort_by_key(|&k| rank[k]);
-    let sorted: Vec<Neighbour> = order.into_iter().map(|k| near[k].clone()).collect();
-    near.clone_from_slice(&sorted);
+    let mut rank = |n: &Neighbour| {
+        let turn = &mut seen[n.moved.kind()];
+        *turn += usize::from(!n.local);
+        if n.local {
+            0
+        } else {
+            *turn
+        }
+    };
+    let mut ranked: Vec<(usize, Neighbour)> = near.drain(..).map(|n| (rank(&n), n)).collect();
+    ranked.sort_by_key(|r| r.0);
+    near.extend(ranked.into_iter().map(|r| r.1));
 }
 
 #[cfg(test)]

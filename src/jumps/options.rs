@@ -9,8 +9,7 @@ use crate::mpcc::MpccSettings;
 #[repr(i32)]
 #[non_exhaustive]
 pub enum Method {
-    /// From the simulated guess and the sequences next to it, and from time stepping; where none of them has a solution, from simulated
-    /// shots, and then from FESD with jumps.
+    /// From the simulated guess, time stepping, simulated shots, and, where nothing has a solution, FESD with jumps, in one race.
     #[default]
     Auto = 0,
     /// From the simulated guess and the sequences next to it.
@@ -36,8 +35,13 @@ pub struct Options {
     pub n_fe: usize,
     /// Weight of the soft step equilibration.
     pub rho_h: f64,
-    /// Sequences next to an answer that may be tried.
-    pub search: usize,
+    /// Multiple of the work until the last gain after which the search ends, and share of the cost that counts as one.
+    pub effort: f64,
+    pub gain: f64,
+    /// Orders of contacts that are tried at least.
+    pub least_tried: usize,
+    /// Is one solution better than another?
+    pub has_costs: bool,
     /// Controls to start from `[n_stages · wide.u]`.
     pub controls: Vec<f64>,
     /// Initial state to start from.

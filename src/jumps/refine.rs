@@ -14,8 +14,9 @@ use super::exact::Solved;
 use super::modes::{ContactMode, Key};
 use super::options::Options;
 use super::problem::Problem;
-use super::search::{solve_again, solve_beside, Reach, Sought};
+use super::search::{solve_again, solve_beside, Sought};
 use super::simulate::replay_stages;
+use super::space::Reach;
 use super::track::{Piece, Track};
 use crate::error::Result;
 use crate::nlp::{Control, Statistics};
@@ -131,7 +132,7 @@ impl Spent {
         self.effort += sought.effort;
         self.stats.add(&sought.stats);
         self.tried += sought.tried;
-        sought.found.map(|found| Refined::new(grid.clone(), found, tol))
+        sought.solution().map(|found| Refined::new(grid.clone(), found, tol))
     }
 }
 

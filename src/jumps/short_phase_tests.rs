@@ -4,8 +4,9 @@ use super::chain_tests::ball_from;
 use super::modes::{ContactMode, Phase, Sequence};
 use super::options::{Method, Options};
 use super::problem::{Problem, Statement};
-use super::search::{solve_again, Reach};
+use super::search::solve_again;
 use super::simulate::simulate;
+use super::space::Reach;
 use crate::mpcc::MpccSettings;
 use crate::nlp::Control;
 
@@ -29,7 +30,10 @@ fn orders_without_a_solution_are_tried_without_their_short_phases() {
         solver: MpccSettings::default(),
         n_fe: 4,
         rho_h: 1.0,
-        search: 20,
+        effort: 1.0,
+        gain: 1e-3,
+        least_tried: 0,
+        has_costs: false,
         controls: vec![0.0],
         x0,
         states: None,
@@ -39,6 +43,6 @@ fn orders_without_a_solution_are_tried_without_their_short_phases() {
     };
     let with = (&options, Reach::Wanted);
     let found = solve_again(&p, (&hops, &rests), with, usize::MAX, &mut Control::default()).unwrap();
-    let (answer, _) = found.found.expect("an answer without the hop");
+    let (answer, _) = found.solution().expect("an answer without the hop");
     assert_eq!(answer.sequence.key(), [[(vec![ContactMode::Closed], None)]]);
 }

@@ -23,17 +23,15 @@ use crate::random::SplitMix64;
 use crate::stop;
 use crate::system::SharedFunction;
 
-/// Shots that are drawn, and those that are aimed.
-const DRAWN: usize = 600;
-const AIMED: usize = 40;
-/// Rounds of shots beside the best ones that are drawn while none nearly hits, how many beside each of them, and of how many; share of their
-/// variables that are drawn anew, and how far they move at most, as a share of their range.
-const ROUNDS: usize = 2;
-const BESIDE: usize = 15;
+/// Shots that are drawn for every one that is aimed, how many are drawn at random before others are drawn beside the best ones, and of how many, and how
+/// many are aimed at most; share of their variables that are drawn anew, and how far they move at most, as a share of their range.
+const DRAWN: usize = 15;
+const AT_RANDOM: usize = 600;
 const PARENTS: usize = 20;
+const AIMED: usize = 120;
 const MUTATED: f64 = 0.35;
 const MOVED: f64 = 0.25;
-/// Steps of simulations where nothing has a solution.
+/// Steps of simulations of all shots.
 const MOST_STEPS: usize = 300_000;
 /// Stretches of the horizon on which controls are constant, and how many of them there are at least for every condition at the end.
 const STRETCHES: usize = 6;
@@ -74,21 +72,27 @@ const ABOUT: f64 = 10.0;
 const TRIED: usize = 6;
 const FIRST_TRIAL: f64 = 1.0;
 
-/// Shots that are looked at for a cheaper answer: of 56 problems all that were bettered were bettered from the first four. And how far the controls of the
-/// known answer may miss in a simulation, as a share of the sizes of the constraints: an unstable motion goes anywhere, and so do shots beside it.
-const MOST_CHEAPER: usize = 6;
+/// How far the controls of a known answer may miss in a simulation, as a share of the sizes of the constraints: an unstable motion goes anywhere, and so do
+/// shots beside it.
 const FOLLOWED: f64 = 1.0;
-/// Share of the simulations that draws take, and the multiple of the controls of the known answer that they are drawn from.
-const DRAWN_SHARE: f64 = 0.4;
+/// Share of its cost by which another answer has to be cheaper for shots to be drawn anew, from controls like its own.
+const CHEAPER: f64 = 0.01;
+/// The multiple of the controls of the known answer that shots are drawn from.
 const WIDER: f64 = 2.0;
 /// Share of the range of a control below which an answer does nothing with it.
 const IDLE: f64 = 1e-3;
 
-/// A motion that nearly meets all constraints.
+/// A motion that was aimed at all constraints.
 pub(super) struct Shot {
     pub(super) track: Track,
-    pub(super) miss: f64,
-    pub(super) cost: f64,
+    miss: f64,
+}
+
+impl Shot {
+    /// Does it nearly meet them?
+    pub(super) fn nearly_hits(&self) -> bool {
+        self.miss <= NEARLY
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -174,85 +178,104 @@ struct Range<'a> {
     closely: bool,
 }
 
-/// Shots at the constraints where nothing has a solution yet.
+/// Shots at the constraints, some of them drawn and one of them aimed at a time.
 pub(super) struct Volley<'a> {
     range: Range<'a>,
     drawn: Vec<Drawn>,
+    numbers: SplitMix64,
+    /// Orders of contacts that were aimed from, or at which what was aimed ended.
+    asked: Vec<Vec<(usize, bool)>>,
+    /// Shots that were drawn, and those that were aimed.
+    n_drawn: usize,
+    n_aimed: usize,
 }
 
 impl<'a> Volley<'a> {
-    /// Draws them.
+    /// At the constraints alone.
     pub(super) fn new(p: &'a Problem, o: &'a Options) -> Result<Volley<'a>> {
+        Ok(Volley::of(Range::new(p, o, MOST_STEPS, STRETCHES)?))
+    }
+
+    fn of(range: Range<'a>) -> Volley<'a> {
+        let (drawn, asked) = (Vec::new(), Vec::new());
+        Volley { range, drawn, numbers: SplitMix64::new(SEED), asked, n_drawn: 0, n_aimed: 0 }
+    }
+
+    /// At motions that cost less than a known one: its cost is a constraint like the others, and no control is drawn from much further than its own. There
+    /// are none where its controls take a simulation elsewhere.
+    pub(super) fn below(p: &'a Problem, o: &'a Options, known: &Answer) -> Result<Volley<'a>> {
         let mut range = Range::new(p, o, MOST_STEPS, STRETCHES)?;
-        let drawn = range.draw();
-        Ok(Volley { range, drawn })
+        range.below = Some(known.cost);
+        range.narrow(known.controls());
+        range.size_up(known);
+        if !range.follows(known) {
+            range.most_steps = 0;
+        }
+        Ok(Volley::of(range))
     }
 
-    /// Shots that nearly meet all constraints: those that hit, the cheapest first, then others as they come close; none where none does.
-    pub(super) fn shots(&mut self) -> Result<Vec<Shot>> {
-        let Volley { range, drawn } = self;
-        let mut out = range.aimed(drawn)?;
-        for _ in 0..ROUNDS {
-            if !out.is_empty() || range.is_over() {
+    /// Is it drawn for motions below this cost, or little more?
+    pub(super) fn is_below(&mut self, cost: f64) -> bool {
+        let Some(most) = self.range.below.filter(|most| most - cost <= CHEAPER * most.abs()) else { return false };
+        if cost < most {
+            self.range.below = Some(cost);
+            self.drawn.iter_mut().filter_map(|d| d.flight.bounds.last_mut()).for_each(|b| b[1] = cost);
+        }
+        true
+    }
+
+    /// Steps of its simulations so far.
+    pub(super) fn steps(&self) -> usize {
+        self.range.steps
+    }
+
+    /// Draws some more shots, and aims the best of all that were not aimed yet; nothing where enough were.
+    pub(super) fn next(&mut self) -> Result<Option<Shot>> {
+        while self.n_aimed < AIMED && !self.range.is_over() {
+            self.draw();
+            let Volley { range, drawn, asked, n_aimed, .. } = self;
+            *n_aimed += 1;
+            let scales = range.spread(drawn);
+            let times = |d: &Drawn| 1 + asked.iter().filter(|w| **w == d.flight.word).count();
+            let off = |d: &Drawn| squares(&d.flight.off(&scales)).sqrt() * times(d) as f64;
+            let fresh = (0..drawn.len()).filter(|&k| !drawn[k].aimed);
+            let Some(k) = fresh.min_by(|a, b| off(&drawn[*a]).total_cmp(&off(&drawn[*b]))) else { continue };
+            drawn[k].aimed = true;
+            let found = range.aim(&drawn[k], &scales);
+            asked.push(drawn[k].flight.word.clone());
+            if found.flight.word != drawn[k].flight.word {
+                asked.push(found.flight.word.clone());
+            }
+            let shot = range.shot(&found.at, largest(&found.flight.off(&scales)))?;
+            drawn.push(found);
+            if shot.is_some() {
+                return Ok(shot);
+            }
+        }
+        Ok(None)
+    }
+
+    /// Draws shots: at random to begin with, then each beside one of the best.
+    fn draw(&mut self) {
+        let parents = if self.n_drawn < AT_RANDOM {
+            Vec::new()
+        } else {
+            best_of_every_word(&self.drawn, &self.range.spread(&self.drawn), PARENTS)
+        };
+        for k in 0..DRAWN {
+            if self.range.is_over() {
                 break;
             }
-            range.draw_beside(drawn);
-            out = range.aimed(drawn)?;
-        }
-        sort(&mut out);
-        Ok(out)
-    }
-
-    /// Those that hit, aimed on as close as they get, the cheapest first: some programs need that of a motion they begin with.
-    pub(super) fn closer(&mut self) -> Result<Vec<Shot>> {
-        let Volley { range, drawn } = self;
-        range.closely = true;
-        range.most_steps = range.steps + MOST_STEPS;
-        let scales = range.spread(drawn);
-        let miss = |d: &Drawn| largest(&d.flight.off(&scales));
-        let mut out = Vec::new();
-        for d in drawn.iter().filter(|d| d.aimed && (HIT..=HITS).contains(&miss(d))) {
-            if range.is_over() {
-                break;
+            let at = match parents.get(k % PARENTS) {
+                Some(&parent) => self.range.beside(&self.drawn[parent].at, &mut self.numbers),
+                None => self.range.drawn(self.n_drawn, &mut self.numbers),
+            };
+            self.n_drawn += 1;
+            if let Some(flight) = self.range.fly(&at) {
+                self.drawn.push(Drawn { at, flight, aimed: false });
             }
-            let found = range.aim(d, &scales);
-            out.extend(range.shot(&found.at, miss(&found))?);
-        }
-        sort(&mut out);
-        Ok(out)
-    }
-}
-
-/// Shots that a cheaper answer may lie beside, with no more than so many steps of simulations: the cost of the known one is a
-/// constraint like the others, and no control is drawn from much further than its own. Those that were aimed and hit come first, then those
-/// that were only drawn, one of every order of contacts.
-pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usize) -> Result<Vec<Shot>> {
-    let mut range = Range::new(p, o, (DRAWN_SHARE * most_steps as f64) as usize, STRETCHES)?;
-    range.below = Some(known.cost);
-    range.narrow(known.controls());
-    range.size_up(known);
-    if !range.follows(known) {
-        return Ok(Vec::new());
-    }
-    let mut drawn = range.draw();
-    range.most_steps = most_steps;
-    let mut out = range.aimed(&mut drawn)?;
-    sort(&mut out);
-    out.truncate(MOST_CHEAPER);
-    let scales = range.spread(&drawn);
-    let mut words: Vec<&[(usize, bool)]> = Vec::new();
-    for k in best_of_every_word(&drawn, &scales, drawn.len(), true) {
-        let d = &drawn[k];
-        if out.len() >= MOST_CHEAPER {
-            break;
-        }
-        let miss = largest(&d.flight.off(&scales));
-        if miss <= NEARLY && !words.contains(&&d.flight.word[..]) {
-            words.push(&d.flight.word);
-            out.extend(range.shot(&d.at, miss)?);
         }
     }
-    Ok(out)
 }
 
 /// What the controls of an answer have in a simulation.
@@ -279,12 +302,6 @@ pub(super) fn beside(p: &Problem, o: &Options, answer: &Answer) -> Result<Beside
     let miss = largest(&found.flight.off(&scales));
     let shot = if miss <= NEARLY { range.shot(&found.at, miss)? } else { None };
     Ok(Beside::Near(shot.map(Box::new)))
-}
-
-/// Those that hit first, the cheapest of them before others, then by how far they miss.
-fn sort(shots: &mut [Shot]) {
-    let of = |s: &Shot| if s.miss <= HITS { (0.0, s.cost) } else { (s.miss, s.cost) };
-    shots.sort_by(|a, b| of(a).0.total_cmp(&of(b).0).then(of(a).1.total_cmp(&of(b).1)));
 }
 
 impl<'a> Range<'a> {
@@ -505,73 +522,19 @@ impl<'a> Range<'a> {
         Some(Flight { values, bounds, word: word(&s.run), ends: Ends { times: s.times, states: s.states } })
     }
 
-    /// The shot of what was given, and others drawn at random.
-    fn draw(&mut self) -> Vec<Drawn> {
-        let mut numbers = SplitMix64::new(SEED);
-        let mut out = Vec::new();
-        for k in 0..DRAWN {
-            if self.is_over() {
-                break;
-            }
-            let at = self.drawn(k, &mut numbers);
-            if let Some(flight) = self.fly(&at) {
-                out.push(Drawn { at, flight, aimed: false });
+    /// Shares of the variables beside those of another shot.
+    fn beside(&self, at: &[f64], numbers: &mut SplitMix64) -> Vec<f64> {
+        let mut at = at.to_vec();
+        for share in &mut at {
+            let (which, to) = (numbers.share(), numbers.share());
+            if which < MUTATED {
+                *share = (*share + MOVED * (2.0 * to - 1.0)).clamp(0.0, 1.0);
             }
         }
-        out
+        at
     }
 
-    /// More shots, each beside one of the best.
-    fn draw_beside(&mut self, drawn: &mut Vec<Drawn>) {
-        let parents = best_of_every_word(drawn, &self.spread(drawn), PARENTS, false);
-        let mut numbers = SplitMix64::new(SEED + drawn.len() as u64);
-        for k in (0..BESIDE).flat_map(|_| parents.iter().copied()) {
-            if self.is_over() {
-                break;
-            }
-            let mut at = drawn[k].at.clone();
-            for share in &mut at {
-                let (which, to) = (numbers.share(), numbers.share());
-                if which < MUTATED {
-                    *share = (*share + MOVED * (2.0 * to - 1.0)).clamp(0.0, 1.0);
-                }
-            }
-            if let Some(flight) = self.fly(&at) {
-                drawn.push(Drawn { at, flight, aimed: false });
-            }
-        }
-    }
-
-    /// Aims the best shots, which join the others as what became of them; those that nearly hit.
-    fn aimed(&mut self, drawn: &mut Vec<Drawn>) -> Result<Vec<Shot>> {
-        let mut out = Vec::new();
-        if drawn.is_empty() {
-            return Ok(out);
-        }
-        let scales = self.spread(drawn);
-        // orders of contacts that were aimed from, or at which what was aimed ended
-        let mut asked: Vec<Vec<(usize, bool)>> = Vec::new();
-        for _ in 0..AIMED {
-            let times = |d: &Drawn| 1 + asked.iter().filter(|w| **w == d.flight.word).count();
-            let off = |d: &Drawn| squares(&d.flight.off(&scales)).sqrt() * times(d) as f64;
-            let fresh = (0..drawn.len()).filter(|&k| !drawn[k].aimed);
-            let next = fresh.min_by(|a, b| off(&drawn[*a]).total_cmp(&off(&drawn[*b])));
-            let Some(k) = next.filter(|_| !self.is_over()) else { break };
-            drawn[k].aimed = true;
-            let found = self.aim(&drawn[k], &scales);
-            asked.push(drawn[k].flight.word.clone());
-            if found.flight.word != drawn[k].flight.word {
-                asked.push(found.flight.word.clone());
-            }
-            let miss = largest(&found.flight.off(&scales));
-            if miss <= NEARLY {
-                out.extend(self.shot(&found.at, miss)?);
-            }
-            drawn.push(found);
-        }
-        Ok(out)
-    }
-
+    /// Shares of the variables of the `k`-th shot: the first is the one of what was given, others are drawn at random.
     fn drawn(&self, k: usize, numbers: &mut SplitMix64) -> Vec<f64> {
         let n_u = self.p.given.dims.u;
         let pieces = numbers.on_pieces(self.stretches, PIECES[k % PIECES.len()], n_u);
@@ -655,8 +618,7 @@ impl<'a> Range<'a> {
         let mut track = s.track(self.p, &f.controls, &f.durations)?;
         let g = &self.p.given;
         track.free = (0..g.wide.p).filter(|&j| g.free[j].is_some()).map(|j| f.params[j]).collect();
-        let cost = s.cost(self.p, f.inputs())?;
-        Ok(Some(Shot { track, miss, cost }))
+        Ok(Some(Shot { track, miss }))
     }
 }
 
@@ -846,8 +808,8 @@ fn word(run: &Run) -> Vec<(usize, bool)> {
 }
 
 /// Shots that come closest. The second best of an order of contacts counts as if it were twice as far off, the third as if it were three times
-/// as far: other orders have their turn, those that are hopeless do not. With `fresh` only those that were not aimed yet.
-fn best_of_every_word(drawn: &[Drawn], scales: &[f64], most: usize, fresh: bool) -> Vec<usize> {
+/// as far: other orders have their turn, those that are hopeless do not.
+fn best_of_every_word(drawn: &[Drawn], scales: &[f64], most: usize) -> Vec<usize> {
     let misses: Vec<f64> = drawn.iter().map(|d| squares(&d.flight.off(scales))).collect();
     let mut order: Vec<usize> = (0..drawn.len()).collect();
     order.sort_by(|a, b| misses[*a].total_cmp(&misses[*b]));
@@ -855,8 +817,7 @@ fn best_of_every_word(drawn: &[Drawn], scales: &[f64], most: usize, fresh: bool)
     let mut ranked: Vec<(f64, usize)> =
         (0..order.len()).map(|k| (misses[order[k]].sqrt() * (1 + before(k)) as f64, order[k])).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let wanted = ranked.into_iter().map(|r| r.1).filter(|&k| !(fresh && drawn[k].aimed));
-    wanted.take(most).collect()
+    ranked.into_iter().map(|r| r.1).take(most).collect()
 }
 
 /// A damped step of Gauss and Newton within the ranges; variables at their ends stay there where the step would leave them.

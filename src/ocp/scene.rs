@@ -41,8 +41,6 @@ impl SceneControl {
     }
 }
 
-/// Sequences next to an answer that are tried at most, where the settings do not ask for more.
-const NEIGHBOURS: usize = 60;
 /// Elements of a control stage in FESD with jumps.
 const ELEMENTS: usize = 2;
 
@@ -264,7 +262,10 @@ impl Ocp {
             solver: o.solver,
             n_fe: ELEMENTS,
             rho_h: o.discretisation.rho_h,
-            search: request.search.max(NEIGHBOURS),
+            effort: self.settings.search_effort,
+            gain: self.settings.search_gain,
+            least_tried: request.search,
+            has_costs: self.has_costs(),
             controls,
             x0: self.initial_guess_state(),
             states: self.x_guess.clone(),
