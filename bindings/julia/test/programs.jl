@@ -117,3 +117,15 @@ end
     @test abs(solve!(nlp).objective) < 1e-8
     @test_throws ArgumentMistake Nlp(2, x -> 1.0; pairs = [(1, 2)])
 end
+
+@testset "boxes" begin
+    # a free variable, one held at its lower bound, one at its upper bound
+    rows(x) = [2x[1] + x[2] - 3, x[2] - x[1] + 5, x[3] - 4]
+    p = Mpcc(3, x -> 0.0; constraints = rows, n_constraints = 3, boxes = [(i, i) for i in 1:3], bounds = ([-Inf, -1, 0], [Inf, Inf, 1]))
+    r = solve!(p)
+    @test successful(r) && maximum(abs, r.x - [2, -1, 1]) < 1e-6 && maximum(abs, r.constraints - [0, 2, -3]) < 1e-6
+    @test thrown(() -> add_box!(p, 1, 2)) isa SwitchbackError
+    @test thrown(() -> add_box!(p, 4, 1)) isa SwitchbackError
+    @test_throws ArgumentMistake Mpcc(1, x -> 0.0; constraints = x -> [x[1]], n_constraints = 1, boxes = [3])
+    @test_throws ArgumentMistake Nlp(1, x -> 0.0; constraints = x -> [x[1]], n_constraints = 1, boxes = [(1, 1)])
+end
