@@ -88,6 +88,122 @@ fn newton_matrix(system: &System, n_stages: usize, n_fe: usize, n_s: usize) -> (
     (pattern, values, n)
 }
 
+/// A quasidefinite matrix with this structure: diagonally dominant, positive in the first `n` rows and negative in the others.
+fn dominant(order: usize, n: usize, entries: &[(usize, usize)]) -> (Pattern, Vec<f64>) {
+    let mut rows: Vec<usize> = (0..order).collect();
+    let mut cols = rows.clone();
+    for &(i, j) in entries {
+        rows.push(i.min(j));
+        cols.push(i.max(j));
+    }
+    let (pattern, _) = Pattern::from_triplets(order, order, &rows, &cols);
+    let mut values = vec![0.0; pattern.nnz()];
+    let mut sums = vec![1.0; order];
+    for j in 0..order {
+        for k in pattern.range(j) {
+            let i = pattern.row_idx()[k];
+            if i != j {
+                values[k] = ((3 * i + 7 * j) as f64).sin();
+                sums[i] += values[k].abs();
+                sums[j] += values[k].abs();
+            }
+        }
+    }
+    for (j, sum) in sums.iter().enumerate() {
+        for k in pattern.range(j).filter(|k| pattern.row_idx()[*k] == j) {
+            values[k] = if j < n { *sum } else { -sum };
+        }
+    }
+    (pattern, values)
+}
+
+/// Structures that are no discretised problems: obstacles on square grids with a row for every point, bands, random ones with so many
+/// entries in a row. Columns beside dense blocks, and what the default takes.
+fn structures(c: &Context) {
+    let grid = |k: usize| {
+        let n = k * k;
+        let mut entries = Vec::new();
+        for i in 0..n {
+            if (i + 1) % k > 0 {
+                entries.push((i, i + 1));
+            }
+            if i + k < n {
+                entries.push((i, i + k));
+            }
+            entries.push((i, n + i));
+        }
+        (2 * n, n, entries)
+    };
+    let band = |n: usize, width: usize| {
+        let entries = (0..n).flat_map(|i| (i + 1..n.min(i + 1 + width)).map(move |j| (i, j))).collect();
+        (n, n, entries)
+    };
+    let random = |n: usize, each: usize| {
+        let mut seed = 1u64;
+        let mut draw = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 33) as usize % n
+        };
+        let entries = (0..n * each / 2).map(|k| (k % n, draw())).filter(|(i, j)| i != j).collect();
+        (n, n, entries)
+    };
+    type Structure = (usize, usize, Vec<(usize, usize)>);
+    let all: Vec<(&str, Structure)> = vec![
+        ("grid 100 x 100", grid(100)),
+        ("grid 316 x 316", grid(316)),
+        ("band 5, n = 1e5", band(100_000, 5)),
+        ("band 50, n = 1e4", band(10_000, 50)),
+        ("band 200, n = 1e4", band(10_000, 200)),
+        ("random 3, n = 1e4", random(10_000, 3)),
+        ("random 4, n = 4e3", random(4_000, 4)),
+        ("random 10, n = 2e3", random(2_000, 10)),
+    ];
+    let head = ["structure", "order", "backend", "nnz(L)", "flops/nnz", "analyse ms", "factor ms", "solve ms"];
+    let mut table = Table::new(&head);
+    for (name, (order, n, entries)) in all {
+        let (p, v) = dominant(order, n, &entries);
+        let default: Make = |o| solver(LinearSolver::Auto, o).expect("is always there");
+        let compared = BACKENDS.iter().filter(|(name, _)| ["native", "faer supernodal"].contains(name));
+        for (backend, make) in compared.copied().chain([("auto", default)]) {
+            let mut s = make(Ordering::Amd);
+            let analyse = seconds(|| s.analyse(&p).expect("the structure is sound"));
+            let factor = seconds(|| {
+                s.factor(&v);
+            });
+            let mut x = vec![1.0; order];
+            let solve = seconds(|| s.solve(&mut x));
+            let st = s.stats();
+            let taken = if backend == "auto" { format!("auto: {}", st.name) } else { backend.to_owned() };
+            c.record(
+                &Object::new()
+                    .text("case", "linalg-structures")
+                    .text("problem", name)
+                    .int("n", order)
+                    .text("backend", &taken)
+                    .int("nnz_l", st.nnz_l)
+                    .num("flops", st.flops)
+                    .num("analyse_s", analyse)
+                    .num("factor_s", factor)
+                    .num("solve_s", solve),
+            );
+            let ms = |t: f64| format!("{:.2}", 1e3 * t);
+            let ratio = format!("{:.1}", st.flops / st.nnz_l as f64);
+            let row = [
+                name.into(),
+                order.to_string(),
+                taken,
+                st.nnz_l.to_string(),
+                ratio,
+                ms(analyse),
+                ms(factor),
+                ms(solve),
+            ];
+            table.row(row.to_vec());
+        }
+    }
+    c.say(&table.text());
+}
+
 type Make = fn(Ordering) -> Box<dyn SymmetricSolver>;
 
 const BACKENDS: &[(&str, Make)] = &[
@@ -323,6 +439,7 @@ pub fn run(c: &Context) {
     }
     c.plot(&plot, "linalg-crossover.svg");
     c.say(&table.text());
+    structures(c);
     parts(c, &problems);
     solves(c);
 }
