@@ -233,7 +233,7 @@ pub(super) struct Field {
     bundle: Option<Bundled>,
     /// Where the entries of the Jacobian go, where most of them are zero.
     entries: Option<Entries>,
-    /// Contacts; where there are any, nothing else moves the system, and the active sets are their modes.
+    /// Contacts; where there are any, nothing but transitions moves the system beside them, and the active sets are their modes.
     contacts: Option<Box<Contacts>>,
     /// Modes that are formed on demand; where there are any, they are those of the only subsystem.
     demand: Option<Box<Demand>>,
@@ -312,7 +312,7 @@ impl Field {
         q0 += WATCHED * n_contacts;
         let most = n_cells.saturating_sub(subs.len());
         let entries = Entries::new(nx, dcs.drifts(), &subs).filter(|_| contacts.is_none());
-        let bundle = Bundled::new(nx, dcs.drifts(), &subs, &guards);
+        let bundle = Bundled::new(nx, dcs.drifts(), &subs, &guards).filter(|_| contacts.is_none());
         let fixed = Fixed::new(nx, dims.p, dims.u, dcs.drifts(), &subs);
         Field {
             nx,

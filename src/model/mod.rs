@@ -20,7 +20,7 @@ mod report;
 mod saved;
 mod signs;
 mod simplex;
-mod transition;
+pub(crate) mod transition;
 
 pub use clock::{Clock, Pwm, Strikes};
 pub use report::{Counts, Group, Note, NoteKind, Report};

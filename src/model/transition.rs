@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use super::{Built, Model};
+use super::{Built, Model, Names};
 use crate::error::{finite, Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, Id};
+use crate::func::Dims;
 use crate::system::{Choice, Direction, Effect, Reset, Rule, Transition as Made, Trigger};
 
 /// A jump of the state where a guard passes zero, see [`crate::system::Transition`]; guard and reset are expressions.
@@ -188,69 +189,28 @@ impl Built {
     /// [`crate::system::System::add_transition`] and of [`ExprFunction::new`].
     pub fn add_transition(&mut self, dag: &mut Dag, t: Transition) -> Result<usize> {
         let k = self.transitions.len();
-        let nx = self.dims.x;
-        for (i, &(state, _)) in t.reset.iter().enumerate() {
-            if state >= nx {
-                return Err(Error::Range(format!(
-                    "transition {k}: the reset names the state {state}, but there are {nx}"
-                )));
-            }
-            if t.reset[..i].iter().any(|r| r.0 == state) {
-                return Err(Error::Range(format!("transition {k}: the reset names the state {state} twice")));
-            }
-        }
-        for &id in t.reset.iter().map(|r| &r.1) {
-            if dag.is_condition(id) {
-                return Err(Error::Range(format!(
-                    "transition {k}: resets are values, {} is a condition: choose one with where",
-                    dag.text_with(id, &|block, i| self.names.of(block, i))
-                )));
-            }
-        }
-        let function = |dag: &mut Dag, name: &str, outputs: &[Id]| -> Result<Arc<ExprFunction>> {
-            Ok(Arc::new(ExprFunction::new(name, dag, self.dims, outputs)?))
-        };
-        let (watched, clauses, direction) = watched(dag, &t)?;
-        if let Some(&id) = watched.iter().find(|id| !dag.switches_of(&[**id]).is_empty()) {
-            return Err(Error::Unsupported(format!(
-                "transition {k}: the guard {} switches itself, by sign, abs, min, max, clip or where: join comparisons with & and |, or let a \
-                 clock hold the value that switches as a discrete state",
-                dag.text_with(id, &|block, i| self.names.of(block, i))
-            )));
-        }
-        let guard = function(dag, &format!("guard{k}"), &watched)?;
-        let (mut reset, mut switches) = (None, false);
-        if !t.reset.is_empty() {
-            let mut moved = t.reset.clone();
-            moved.sort_unstable_by_key(|r| r.0);
-            let (rows, ids): (Vec<usize>, Vec<Id>) = moved.into_iter().unzip();
-            switches = dag.has_floor(&ids) || !dag.switches_of(&ids).is_empty();
-            let f = dag.function_at_events(&format!("reset{k}"), self.dims, &ids)?;
-            reset = Some((rows, Arc::new(f)));
-        }
-        let made = Made {
-            guard: guard.clone(),
-            clauses,
-            direction,
-            from: t.from.clone(),
-            reset: reset.clone().map(|(rows, f)| Reset { rows, f, switches }),
-            to: t.to.clone(),
-            rule: t.rule.clone(),
-        };
-        self.system.add_transition(made)?;
-        self.system.add_known_times(&dag.table_times(&watched))?;
-        self.functions.push(guard);
-        self.functions.extend(reset.map(|r| r.1));
+        let f = functions(dag, k, self.dims, &self.names, &t)?;
+        self.system.add_transition(f.made(&t))?;
+        self.system.add_known_times(&f.times)?;
+        self.functions.push(f.guard);
+        self.functions.extend(f.reset.map(|r| r.1));
         self.report.transitions.push(self.transition_text(dag, &t));
         self.change_source(|saved| saved.add_transition(dag, &t));
         self.transitions.push(t);
         Ok(k)
     }
 
-    /// `heat 0 -> 1 where 18 - x becomes positive`
     fn transition_text(&self, dag: &Dag, t: &Transition) -> String {
-        let name = |i: usize| self.names.of(Block::X, i);
-        let text = |id: Id| dag.text_with(id, &|block, i| self.names.of(block, i));
+        t.text(dag, &self.names)
+    }
+}
+
+impl Transition {
+    /// `heat 0 -> 1 where 18 - x becomes positive`
+    pub(crate) fn text(&self, dag: &Dag, names: &Names) -> String {
+        let t = self;
+        let name = |i: usize| names.of(Block::X, i);
+        let text = |id: Id| dag.text_with(id, &|block, i| names.of(block, i));
         let mut parts: Vec<String> = Vec::new();
         for &(state, value) in &t.to {
             parts.push(match t.from.iter().find(|f| f.0 == state) {
@@ -284,6 +244,76 @@ impl Built {
         }
         out
     }
+}
+
+/// The functions of a transition.
+pub(crate) struct Functions {
+    guard: Arc<ExprFunction>,
+    clauses: Vec<Vec<usize>>,
+    direction: Direction,
+    reset: Option<(Vec<usize>, Arc<ExprFunction>)>,
+    switches: bool,
+    /// Times at which its guard is known to bend.
+    pub(crate) times: Vec<(f64, bool)>,
+}
+
+impl Functions {
+    /// The transition as systems take it.
+    pub(crate) fn made(&self, t: &Transition) -> Made {
+        let reset = self.reset.clone();
+        Made {
+            guard: self.guard.clone(),
+            clauses: self.clauses.clone(),
+            direction: self.direction,
+            from: t.from.clone(),
+            reset: reset.map(|(rows, f)| Reset { rows, f, switches: self.switches }),
+            to: t.to.clone(),
+            rule: t.rule.clone(),
+        }
+    }
+}
+
+/// The functions of transition `k`, of systems of these sizes.
+///
+/// # Errors
+/// Those of [`Built::add_transition`], but for what the system itself checks.
+pub(crate) fn functions(dag: &mut Dag, k: usize, dims: Dims, names: &Names, t: &Transition) -> Result<Functions> {
+    let nx = dims.x;
+    for (i, &(state, _)) in t.reset.iter().enumerate() {
+        if state >= nx {
+            return Err(Error::Range(format!("transition {k}: the reset names the state {state}, but there are {nx}")));
+        }
+        if t.reset[..i].iter().any(|r| r.0 == state) {
+            return Err(Error::Range(format!("transition {k}: the reset names the state {state} twice")));
+        }
+    }
+    for &id in t.reset.iter().map(|r| &r.1) {
+        if dag.is_condition(id) {
+            return Err(Error::Range(format!(
+                "transition {k}: resets are values, {} is a condition: choose one with where",
+                dag.text_with(id, &|block, i| names.of(block, i))
+            )));
+        }
+    }
+    let (watched, clauses, direction) = watched(dag, t)?;
+    if let Some(&id) = watched.iter().find(|id| !dag.switches_of(&[**id]).is_empty()) {
+        return Err(Error::Unsupported(format!(
+            "transition {k}: the guard {} switches itself, by sign, abs, min, max, clip or where: join comparisons with & and |, or let a \
+             clock hold the value that switches as a discrete state",
+            dag.text_with(id, &|block, i| names.of(block, i))
+        )));
+    }
+    let guard = Arc::new(ExprFunction::new(&format!("guard{k}"), dag, dims, &watched)?);
+    let (mut reset, mut switches) = (None, false);
+    if !t.reset.is_empty() {
+        let mut moved = t.reset.clone();
+        moved.sort_unstable_by_key(|r| r.0);
+        let (rows, ids): (Vec<usize>, Vec<Id>) = moved.into_iter().unzip();
+        switches = dag.has_floor(&ids) || !dag.switches_of(&ids).is_empty();
+        let f = dag.function_at_events(&format!("reset{k}"), dims, &ids)?;
+        reset = Some((rows, Arc::new(f)));
+    }
+    Ok(Functions { guard, clauses, direction, reset, switches, times: dag.table_times(&watched) })
 }
 
 /// What is watched of a guard: functions, the lists of those that must be positive together, and the direction.

@@ -48,7 +48,7 @@ use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id};
 use crate::func::Dims;
 use crate::memory::sizes;
 use crate::model::bounds::{Bounds, Interval, ALL};
-use crate::model::Names;
+use crate::model::{transition, Names, Transition};
 use crate::system::Projection;
 use crate::system::{self, ImpactLaw, Inertia, Kind, Mechanics, Order, SharedFunction, System};
 
@@ -170,6 +170,9 @@ pub struct Scene {
     force: Vec<Option<Id>>,
     /// Rates of the states beside coordinates and velocities.
     states: Vec<Option<Id>>,
+    /// Values that the last of these, which are discrete, begin with.
+    discrete: Vec<f64>,
+    transitions: Vec<Transition>,
     contacts: Vec<Part>,
     /// Contacts by their gaps and by their names.
     by_gap: BTreeMap<Id, usize>,
@@ -213,6 +216,8 @@ impl Scene {
             inertia: None,
             force: vec![None; n_v],
             states: Vec::new(),
+            discrete: Vec::new(),
+            transitions: Vec::new(),
             contacts: Vec::new(),
             by_gap: BTreeMap::new(),
             by_name: BTreeMap::new(),
@@ -250,7 +255,7 @@ impl Scene {
         (self.n_q, self.n_v)
     }
 
-    /// States beside coordinates and velocities.
+    /// States beside coordinates and velocities, discrete ones with them.
     pub fn n_states(&self) -> usize {
         self.states.len()
     }
@@ -283,10 +288,49 @@ impl Scene {
         Ok(())
     }
 
+    /// Adds a discrete state with its name and the value it begins with where nothing else is given, and returns its place among all states: the
+    /// last one. Nothing drives it but transitions.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`] for a value that is no number; [`Error::Unsupported`] for projected systems.
+    pub fn add_discrete(&mut self, name: &str, initial: f64) -> Result<usize> {
+        self.check_mechanical("discrete state")?;
+        crate::error::finite("initial value of discrete state", &[initial], 1)?;
+        let place = self.dims().x;
+        self.states.push(None);
+        self.discrete.push(initial);
+        if !name.is_empty() || !self.names.x.is_empty() {
+            self.names.x.resize(place, String::new());
+            self.names.x.push(name.to_owned());
+        }
+        Ok(place)
+    }
+
+    /// Values that the discrete states begin with; they are the last states.
+    pub fn discrete(&self) -> &[f64] {
+        &self.discrete
+    }
+
+    /// Adds a transition and returns its index; what is wrong with it is said when the scene is built. A reset may move bodies, but not into each
+    /// other: that ends the run.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for projected systems.
+    pub fn add_transition(&mut self, t: Transition) -> Result<usize> {
+        self.check_mechanical("transition")?;
+        self.transitions.push(t);
+        Ok(self.transitions.len() - 1)
+    }
+
+    /// The transitions in the order they were added.
+    pub fn transitions(&self) -> &[Transition] {
+        &self.transitions
+    }
+
     /// Sets the rate `h_i` of state `i` beside coordinates and velocities: an expression of states, controls, parameters and time, which may switch.
     pub fn set_state_rate(&mut self, i: usize, rate: Id) -> Result<()> {
-        let n = self.states.len();
-        let place = self.states.get_mut(i);
+        let n = self.states.len() - self.discrete.len();
+        let place = self.states[..n].get_mut(i);
         *place.ok_or_else(|| {
             Error::Range(format!("state {i} beside coordinates and velocities does not exist: the scene has {n}"))
         })? = Some(rate);
@@ -488,8 +532,14 @@ impl Builder<'_> {
             bounds,
             projection,
         };
-        let report = Report::new(stated, &mechanics, &kept, dropped);
-        let system = System::of_mechanics(mechanics, dims.u, dims.p)?;
+        let mut report = Report::new(stated, &mechanics, &kept, dropped);
+        report.transitions = stated.transitions.iter().map(|t| t.text(self.dag, &s.names)).collect();
+        let mut system = System::of_mechanics(mechanics, dims.u, dims.p)?;
+        for (k, t) in stated.transitions.iter().enumerate() {
+            let f = transition::functions(self.dag, k, dims, &s.names, t)?;
+            system.add_transition(f.made(t))?;
+            system.add_known_times(&f.times)?;
+        }
         Ok(Built { system, report, dims, names: s.names.clone() })
     }
 
@@ -553,10 +603,15 @@ impl Builder<'_> {
     }
 
     /// The rates of the states beside coordinates and velocities.
-    fn state_rates(&self) -> Result<Vec<Id>> {
+    fn state_rates(&mut self) -> Result<Vec<Id>> {
         let s = self.scene;
         let mut out = Vec::with_capacity(s.states.len());
+        let driven = s.states.len() - s.discrete.len();
         for (i, h) in s.states.iter().enumerate() {
+            if i >= driven {
+                out.push(self.dag.constant(0.0));
+                continue;
+            }
             let name = s.names.of(Block::X, s.n_q + s.n_v + i);
             let h = h.ok_or_else(|| Error::State(format!("{}: there is no rate of {name}; set it", s.name)))?;
             self.check_value(&format!("the rate of {name}"), h)?;

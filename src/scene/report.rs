@@ -50,6 +50,8 @@ pub struct Report {
     pub contacts: Vec<ContactReport>,
     /// Contacts that were left out.
     pub dropped: Vec<Dropped>,
+    /// Transitions in words.
+    pub transitions: Vec<String>,
 }
 
 impl Report {
@@ -83,6 +85,7 @@ impl Report {
             law: m.law,
             contacts: numbers.zip(&m.contacts).map(contact).collect(),
             dropped,
+            transitions: Vec::new(),
         }
     }
 }
@@ -132,6 +135,9 @@ impl fmt::Display for Report {
                 one(c.unknowns)
             )?;
         }
+        for (k, t) in self.transitions.iter().enumerate() {
+            writeln!(f, "transition {k}: {t}")?;
+        }
         for d in &self.dropped {
             writeln!(f, "left out: contact {}: {}", d.name, d.proof)?;
         }
@@ -161,6 +167,7 @@ impl Report {
             "name": self.name, "n_q": n_q, "n_v": n_v, "n_states": self.n_states, "n_controls": nu, "n_parameters": np,
             "inertia": self.inertia, "impact_law": law,
             "contacts": self.contacts.iter().map(contact).collect::<Vec<_>>(),
+            "transitions": self.transitions,
             "dropped": self.dropped.iter().map(dropped).collect::<Vec<_>>(),
         })
         .to_string()

@@ -50,7 +50,9 @@ impl Scene {
         };
         let inertia = self.inertia.as_ref().map(|m| (0..n * n).map(|k| entry(m, k / n, k % n)).collect());
         let rates = self.rates.clone().unwrap_or_else(|| dag.inputs(Block::X, self.n_q + n_v).split_off(self.n_q));
-        let force = self.force.iter().chain(&self.states).copied().collect();
+        let driven = n_z - self.discrete.len();
+        let still = std::iter::repeat_n(Some(zero), self.discrete.len());
+        let force = self.force.iter().chain(&self.states[..driven]).copied().chain(still).collect();
         Scene { n_v: n, states: Vec::new(), rates: Some(rates), inertia, force, beside: n_z, ..self.clone() }
     }
 }

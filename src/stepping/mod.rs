@@ -203,6 +203,7 @@ impl Stepper {
                 "the system is no scene: time stepping needs coordinates, velocities, inertia and contacts".into(),
             ));
         };
+        system.check_without_transitions("time stepping")?;
         if let Some(c) = m.contacts.iter().find(|c| c.kind == Kind::Switch) {
             return Err(Error::Unsupported(format!(
                 "time stepping does not follow switches of forces or rates, as the {}: simulate the scene event-driven",

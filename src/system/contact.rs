@@ -410,16 +410,18 @@ impl System {
         Ok(Cow::Owned(out))
     }
 
-    /// Contacts stand alone: what else moves the velocities is part of `f_v`.
+    /// Contacts stand alone but for transitions: what else moves the velocities is part of `f_v`.
     pub(super) fn check_alone(&self) -> Result<()> {
         let more = self.f0.is_some() || self.n_z > 0 || self.algebraic.is_some();
-        let lists = self.subsystems.len() + self.inclusions.len() + self.transitions.len();
-        if more || lists > 0 {
+        if more || self.subsystems.len() + self.inclusions.len() > 0 {
             return Err(Error::Unsupported(
-                "a scene with contacts takes no f0, subsystems, inclusions, algebraic states or transitions beside it: \
-                 write forces into the scene"
+                "a scene with contacts takes no f0, subsystems, inclusions or algebraic states beside it: write forces into \
+                 the scene"
                     .into(),
             ));
+        }
+        if self.mechanics.as_ref().is_some_and(|m| m.order == Order::First) && !self.transitions.is_empty() {
+            return Err(Error::Unsupported("a projected system takes no transitions".into()));
         }
         Ok(())
     }

@@ -382,6 +382,12 @@ impl System {
                 "optimal control follows smooth resets only: that of transition {k} switches or rounds"
             )));
         }
+        if self.mechanics.is_some() && !self.transitions.is_empty() {
+            return Err(Error::Unsupported(
+                "optimal control does not follow transitions (guards with resets or discrete states) of scenes: simulate the scene event-driven"
+                    .into(),
+            ));
+        }
         if self.transitions.is_empty() || (self.n_z == 0 && self.inclusions.is_empty()) {
             return Ok(());
         }

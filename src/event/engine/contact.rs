@@ -106,6 +106,18 @@ impl Engine {
         if self.log.outcome != Outcome::Reached {
             return Ok(());
         }
+        self.check_discrete()?;
+        if self.notes.is_some() {
+            self.note_start()?;
+        }
+        // transitions that the last call has left happen at a time of their own, while data change at this one
+        self.log.one_sided |= std::mem::take(&mut self.unmade);
+        if !recover(self.make_held().map(|()| true), false)? {
+            self.fail(Outcome::NoContinuation, "the scene is not defined behind a transition".into());
+        }
+        if self.log.outcome != Outcome::Reached {
+            return Ok(());
+        }
         self.restart = false;
         self.stepper.err_before = 1e-4;
         self.stepper.h = self.initial_step(t_stop - self.t)?;
@@ -224,6 +236,10 @@ impl Engine {
         if !recover(r.map(|()| true), false)? && self.log.outcome == Outcome::Reached {
             let text = "the scene is not defined at this event, or its inertia is not positive definite there";
             return Ok(self.fail(Outcome::NoContinuation, text.into()));
+        }
+        // guards that vanish here too, or are beyond zero behind an impact
+        if !recover(self.make_held().map(|()| true), false)? {
+            return Ok(self.fail(Outcome::NoContinuation, "the scene is not defined behind a transition".into()));
         }
         // behind an impact everything may happen soon again
         self.stepper.h = grown;
@@ -451,6 +467,90 @@ impl Engine {
         }
         self.note_phase();
         Ok(())
+    }
+
+    /// What follows where transition `g` has changed the state: which contacts are closed, impacts, the next modes. The Jacobians of impacts
+    /// are behind those of the resets then. Says whether it is unique.
+    pub(super) fn scene_behind_jump(
+        &mut self,
+        g: usize,
+        recorded: bool,
+        length: f64,
+        resets: &mut Vec<f64>,
+    ) -> std::result::Result<bool, EvalError> {
+        let t = self.t;
+        self.field.forget();
+        self.field.look_at_all();
+        self.field.carry_none();
+        self.field.contact_sizes(t, &self.x)?;
+        if let Some(text) = self.flaw_behind_jump(g)? {
+            self.fail(Outcome::NoContinuation, text);
+            return Ok(true);
+        }
+        let start = self.log.impacts.len();
+        let scene = &mut self.contact_events.scene;
+        scene.resets.clear();
+        (scene.struck, scene.merges, scene.unseen) = (false, false, None);
+        let impacts = self.log.stats.impacts;
+        let unique_impact = self.collide(None, recorded)?;
+        self.contact_events.scene.struck = self.log.stats.impacts > impacts;
+        if self.log.outcome != Outcome::Reached {
+            return Ok(true);
+        }
+        let unique = self.next_modes(None, length, recorded, self.log.impacts.len() == start)?;
+        if self.log.outcome != Outcome::Reached {
+            return Ok(true);
+        }
+        let SceneRoom { left, touching, .. } = &mut self.contact_events.scene;
+        left.resize(self.field.active.len(), f64::NEG_INFINITY);
+        let struck = self.log.impacts[start..].iter().map(|i| i.contact);
+        touching.iter().copied().chain(struck).for_each(|i| left[i] = t);
+        if self.contact_events.scene.creeps {
+            self.bring_together()?;
+        }
+        resets.extend_from_slice(&self.contact_events.scene.resets);
+        self.enter()?;
+        self.note_phase();
+        Ok(unique && unique_impact)
+    }
+
+    /// Opens the contacts that transition `g` has parted; says what is wrong with the others, and with constraints, in words.
+    fn flaw_behind_jump(&mut self, g: usize) -> std::result::Result<Option<String>, EvalError> {
+        let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
+        let row = &mut self.contact_events.scene.row;
+        let mut modes: Vec<Vec<usize>> = self.field.active.clone();
+        let r = self.field.with_contacts(self.t, &self.x, |c, at, _| {
+            for (i, set) in modes.iter_mut().enumerate() {
+                if c.dynamics.is_joint(i) {
+                    continue;
+                }
+                c.dynamics.load_gap(at, i)?;
+                c.dynamics.load_contact(at, i)?;
+                let unseen = c.unseen(i, at, c.dynamics.mechanics.n_q, (rtol, atol), (row, n_z))?;
+                let (b, name, size) = (c.dynamics.block(i), &c.dynamics.mechanics.contacts[i].name, c.sizes[i]);
+                let [gap, rate] = b.gap;
+                if !c.dynamics.opens(i) {
+                    let far = gap.abs() > unseen[0].max(TOUCHES * EPS * size[0])
+                        || rate.abs() > unseen[1].max(TOUCHES * EPS * size[3]);
+                    if far {
+                        return Ok(Some(format!(
+                            "transition {g} leaves constraint {name} at {gap}, and its rate at {rate}: a reset must satisfy \
+                             constraints and their rates"
+                        )));
+                    }
+                } else if gap < -unseen[0].max(TOUCHES * EPS * size[0]) {
+                    return Ok(Some(format!(
+                        "transition {g} makes the bodies overlap: the gap of contact {name} is {gap} behind it"
+                    )));
+                } else if gap > TOUCHES * EPS * size[0] {
+                    set[0] = mode::OPEN;
+                }
+            }
+            Ok(None)
+        });
+        let flaw = r.unwrap_or(Ok(None))?;
+        self.field.set_active(&modes);
+        Ok(flaw)
     }
 
     /// Does a contact that an event has left at this very time close at a rate that is rounding? Its time is that of the event: a rate which is

@@ -282,7 +282,12 @@ impl Engine {
             }
             self.x.copy_from_slice(&self.derivatives.reset.x);
             self.field.arm(&self.x);
-            if self.stays_in_limit_set_behind_jump()? {
+            if self.field.has_contacts() {
+                unique &= self.scene_behind_jump(g, recorded, length, &mut resets)?;
+                if self.log.outcome != Outcome::Reached {
+                    return Ok(());
+                }
+            } else if self.stays_in_limit_set_behind_jump()? {
                 before.clone_from(&self.field.active);
             } else {
                 unique &= self.locate(true, length)?;

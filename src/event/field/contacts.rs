@@ -171,7 +171,8 @@ impl Field {
         r.unwrap_or(Ok(()))
     }
 
-    /// Writes the values, without rates, of the contacts for which `wanted` holds; those of forces only if they are asked for.
+    /// Writes the values, without rates, of the contacts for which `wanted` holds, those of forces only if they are asked for; and those of
+    /// guards.
     pub(in crate::event) fn scene_values(
         &mut self,
         (t, x): (f64, &[f64]),
@@ -197,7 +198,8 @@ impl Field {
         });
         self.q = q;
         self.counts.values += evaluated;
-        r.unwrap_or(Ok(()))
+        r.unwrap_or(Ok(()))?;
+        self.watched_beside(t, x)
     }
 
     /// A watched function and its rate for a velocity, where they take no accelerations.

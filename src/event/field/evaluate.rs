@@ -192,7 +192,8 @@ impl Field {
     /// Everything that is watched: indicator functions, and the guards of the present discrete states.
     pub(in crate::event) fn watched(&mut self, t: f64, x: &[f64]) -> EvalResult {
         if self.contacts.is_some() {
-            return self.scene_watched(t, x);
+            self.scene_watched(t, x)?;
+            return self.watched_beside(t, x);
         }
         self.indicators(t, x)?;
         self.watched_beside(t, x)
