@@ -589,10 +589,75 @@ static void switches(void)
     swb_expr_free(graph);
 }
 
+/* A ball that a gripper lifts with the velocity 1 and lets go at the height 1.2; it bounces once. */
+static void jumps(void)
+{
+    const double start[3] = {0.5, 1.0, 1.0}, numbers[4] = {-10.0, 1.0, 0.8, 1.2}, one = 1.0, zero = 0.0;
+    const double hit = 0.7 + (1.0 + sqrt(25.0)) / 10.0, left = 2.0 - hit;
+    int64_t x[3], c[4], force, guard, state = -1, index = -1, held = 2, none = 7;
+    double end[3];
+    int32_t outcome;
+    swb_expr *graph = NULL;
+    swb_scene *scene = NULL, *projected = NULL;
+    swb_system *system = NULL;
+    swb_integrator *integrator = NULL;
+    swb_ocp *ocp = NULL;
+    CHECK_OK(swb_expr_create(&graph));
+    CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 3));
+    CHECK_OK(swb_expr_constants(graph, numbers, 4, c, 4));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_SUB, &c[1], &x[2], NULL, &force, 1));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_MUL, &c[0], &force, NULL, &force, 1));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_SUB, &x[0], &c[3], NULL, &guard, 1));
+    CHECK_OK(swb_scene_create("gripper", 1, 1, 0, 0, "y\nv", &scene));
+    REFUSED(SWB_ERR_RANGE, swb_scene_add_discrete(scene, "held", NAN, &state), "initial value");
+    CHECK_STATUS(SWB_ERR_NULL, swb_scene_add_discrete(NULL, "held", 1.0, &state));
+    CHECK(state == -1);
+    CHECK_OK(swb_scene_add_discrete(scene, "held", 1.0, &state));
+    CHECK(state == 2);
+    CHECK_OK(swb_scene_set_force(scene, graph, &force, 1));
+    CHECK_OK(swb_scene_set_state_rates(scene, graph, NULL, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_scene_set_state_rates(scene, graph, &x[1], 1));
+    CHECK_OK(swb_scene_add_contact(scene, graph, "floor", x[0], NULL, 0, -1, c[2], NULL));
+#define EVENT(g, effect, from, n_to, to)                                                                                          \
+    swb_scene_add_event(scene, graph, "go", effect, SWB_TRIGGER_LEVEL, g, SWB_DIRECTION_RISING, from, 1, &one, 1, NULL, 0, NULL, 0, \
+                        to, n_to, &zero, n_to, &index)
+    REFUSED(SWB_ERR_RANGE, EVENT(-1, SWB_EFFECT_JUMP, &held, 1, &held), "count from 0");
+    REFUSED(SWB_ERR_RANGE, EVENT(guard, 9, &held, 1, &held), "no effect 9");
+    CHECK(index == -1);
+    CHECK_OK(EVENT(guard, SWB_EFFECT_JUMP, &held, 1, &held));
+    CHECK(index == 0);
+    CHECK_OK(swb_scene_build(scene, graph));
+    CHECK_OK(swb_scene_system(scene, &system));
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_set_double(integrator, "rtol", 1e-11));
+    CHECK_OK(swb_integrator_set_double(integrator, "atol", 1e-11));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, start, 3));
+    CHECK_OK(swb_integrator_advance(integrator, 2.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_OK(swb_integrator_get_state(integrator, end, 3));
+    CHECK_NEAR(end[0], 4.0 * left - 5.0 * left * left, 1e-8);
+    CHECK_NEAR(end[1], 4.0 - 10.0 * left, 1e-8);
+    CHECK(end[2] == 0.0);
+    REFUSED(SWB_ERR_UNSUPPORTED, swb_ocp_create_scene(scene, 1.0, 4, NULL, &ocp), "does not follow transitions");
+    CHECK(ocp == NULL);
+    /* what a transition names is looked at when the scene is built */
+    CHECK_OK(EVENT(guard, SWB_EFFECT_JUMP, &none, 1, &held));
+    REFUSED(SWB_ERR_RANGE, swb_scene_build(scene, graph), "transition 1");
+    CHECK_OK(swb_scene_create_projected("set", 1, 0, 0, NULL, &projected));
+    REFUSED(SWB_ERR_UNSUPPORTED, swb_scene_add_discrete(projected, "w", 0.0, NULL), "takes no discrete state");
+#undef EVENT
+    swb_scene_free(projected);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    swb_scene_free(scene);
+    swb_expr_free(graph);
+}
+
 int main(void)
 {
     bounces();
     switches();
+    jumps();
     joints();
     states();
     slides();

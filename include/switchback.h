@@ -6304,6 +6304,65 @@ swb_status swb_run_contact_forces(const struct swb_run *run,
                                   int64_t n);
 
 /**
+ * Add a discrete state to a scene, behind all its states: only transitions change it. Its rate is zero, and is none of those of
+ * swb_scene_set_state_rates. Simulations start where they are told to.
+ *
+ * @param[in]  name    for messages; NULL or "" for none
+ * @param[in]  initial what it begins with where bindings are not told otherwise
+ * @param[out] state   its place among the states; may be NULL
+ * @return SWB_OK; SWB_ERR_RANGE for a value that is not finite; SWB_ERR_UNSUPPORTED for projected systems
+ */
+SWB_API
+swb_status swb_scene_add_discrete(struct swb_scene *scene,
+                                  const char *name,
+                                  double initial,
+                                  int64_t *state);
+
+/**
+ * Add a transition to a scene: as swb_model_add_event, with the states of the scene. What is wrong with it is said by swb_scene_build.
+ *
+ * A reset may move bodies. Contacts, impacts and friction follow from the new state; bodies that overlap behind it, and constraints
+ * that it leaves, end the run.
+ *
+ * @param[in]  graph         the graph of the expressions
+ * @param[in]  name          in results and reports, one line; NULL or "" for none
+ * @param[in]  effect        enum swb_effect
+ * @param[in]  trigger       enum swb_trigger
+ * @param[in]  guard         an expression or a condition
+ * @param[in]  direction     enum swb_direction
+ * @param[in]  from_states   [n_from_states] discrete states that must have the values
+ * @param[in]  from_values   [n_from_values] for the transition to be watched; none: always
+ * @param[in]  reset_states  [n_reset_states] states that become what
+ * @param[in]  resets        [n_resets] these expressions of the state before say, which may switch and jump
+ * @param[in]  to_states     [n_to_states] discrete states that get the values
+ * @param[in]  to_values     [n_to_values] behind the reset
+ * @param[out] index         number of the transition; may be NULL
+ * @return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions, and unknown directions, effects and triggers; SWB_ERR_DIMENSION where
+ *         lists do not belong together; SWB_ERR_STATE for expressions of another graph; SWB_ERR_UNSUPPORTED for projected systems
+ */
+SWB_API
+swb_status swb_scene_add_event(struct swb_scene *scene,
+                               const struct swb_expr *graph,
+                               const char *name,
+                               int32_t effect,
+                               int32_t trigger,
+                               int64_t guard,
+                               int32_t direction,
+                               const int64_t *from_states,
+                               int64_t n_from_states,
+                               const double *from_values,
+                               int64_t n_from_values,
+                               const int64_t *reset_states,
+                               int64_t n_reset_states,
+                               const int64_t *resets,
+                               int64_t n_resets,
+                               const int64_t *to_states,
+                               int64_t n_to_states,
+                               const double *to_values,
+                               int64_t n_to_values,
+                               int64_t *index);
+
+/**
  * Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
  * transitions change them. Reports name them and documents keep the values; simulations start where they are told to. Names of
  * values (swb_model_set_value_names) are given behind this.

@@ -71,9 +71,9 @@ impl Scene {
             return Err(Error::Unsupported("a projected system has no velocities: it is no mechanical scene".into()));
         }
         // what can be wrong is said there
-        if let Some(m) = self.build_in(dag)?.system.mechanics() {
-            m.check_plain("time-freezing")?;
-        }
+        let built = self.build_in(dag)?.system;
+        built.check_without_transitions("time-freezing")?;
+        built.mechanics().map_or(Ok(()), |m| m.check_plain("time-freezing"))?;
         let mut b = Builder { scene: self, dag, alike: std::collections::BTreeMap::new() };
         let (rates, force) = (b.rates()?, b.force()?);
         let (_, kept) = b.reachable()?;

@@ -1,4 +1,4 @@
-"""Scenes that switch beside contacts, joints, constraints and further states, against SciPy with events by hand."""
+"""Scenes that switch and jump beside contacts, joints, constraints and further states, against SciPy with events by hand."""
 
 import numpy as np
 import pytest
@@ -218,6 +218,95 @@ def test_a_batch_and_a_record():
     np.testing.assert_allclose(found.x, each, rtol=1e-9)
 
 
+def test_a_gripper_lets_go():
+    """A discrete state, a guard, a bounce: closed form in `tests/scene_transitions.rs`, here by SciPy."""
+    s = swb.Scene("y", p="e", name="gripper")
+    held = s.discrete("held", 1)
+    y = s.q[0]
+    s.force([-10.0 * (1.0 - held)])
+    s.contact("floor", gap=y, e=s.e)
+    s.transition(y > 1.2, when={held: 1}, to={held: 0}, name="let go")
+    assert "held 1 -> 0 where y - 1.2 becomes positive" in s.report()
+
+    def phase(t, z, p):
+        fall = 0.0 if z[2] else -10.0
+        events = [(lambda _, z: 1.2 - z[0], lambda z: np.array([1.2, z[1], 0.0]))] if z[2] else []
+        if not z[2]:
+            events.append((lambda _, z: z[0] if z[1] < 0 else 1.0, lambda z: np.array([0.0, -p[0] * z[1], 0.0])))
+        return (lambda _, z: [z[1], fall, 0.0]), events
+
+    run = check(s, [0.5, 1.0, 1.0], [0.8], 2.0, phase, [0, 1, 3])
+    assert len(run.jumps) == 1
+    # the discrete state may be left out
+    np.testing.assert_allclose(s.simulate([0.5], [1.0], 2.0, p=[0.8]).x[-1], run.x[-1], atol=1e-6)
+    assert swb.simulate(s, [0.5, 1.0], 2.0, p=[0.8]).x[-1][2] == 0.0
+
+
+def test_pulses_drive_a_motor_against_a_stop():
+    """Sampled control by pulses, a current, dry friction, and a stop that is hit."""
+    s = swb.Scene("x", states="i", name="pulsed")
+    duty = s.hold(0.2 + 0.5 * (0.5 - s.q[0]), 0.2)
+    pulse = s.pwm(duty, 0.1)
+    s.force([3.0 * s.i])
+    s.state_rates([(6.0 * pulse - s.i - s.v[0]) / 0.2])
+    s.friction("rail", s.q[0], 0.4)
+    s.contact("stop", gap=0.25 - s.q[0], e=0.5)
+    end = 0.85  # three impacts; behind that they accumulate
+    run = swb.simulate(s.system(), s._start([0.0], [0.0], [0.0]), end, rtol=1e-11, atol=1e-12)
+    assert run.success, run.reason
+
+    # between the times at which pulses begin or end nothing but friction and the stop switches
+    x, held = np.zeros(3), 0.0
+    for k in range(9):
+        start = 0.1 * k
+        if k % 2 == 0:
+            held = 0.2 + 0.5 * (0.5 - x[0])
+        for on, a, b in ((1.0, start, min(start + 0.1 * held, end)), (0.0, start + 0.1 * held, min(start + 0.1, end))):
+            if b <= a:
+                continue
+
+            def phase(t, z, p, on=on):
+                stuck = abs(z[1]) < 1e-10 and 3.0 * abs(z[2]) <= 0.4
+                side = np.sign(z[1]) if abs(z[1]) >= 1e-10 else np.sign(z[2])
+                rhs = lambda _, z: [z[1] * (not stuck), 0.0 if stuck else 3.0 * z[2] - 0.4 * side, (6.0 * on - z[2] - z[1]) / 0.2]
+                events = []
+                if stuck:
+                    events.append((lambda _, z: 0.4 - 3.0 * abs(z[2]), lambda z: np.array([z[0], 0.0, z[2] * (1 + 1e-12)])))
+                elif abs(z[1]) >= 1e-10:
+                    events.append((lambda _, z: side * z[1], lambda z: np.array([z[0], 0.0, z[2]])))
+                events.append((lambda _, z: 0.25 - z[0], lambda z: np.array([0.25, -0.5 * z[1], z[2]])))
+                return rhs, events
+
+            x = by_hand(phase, x, [], b - a)
+    assert len(run.impacts) == 3
+    np.testing.assert_allclose(run.x[-1][:3], x, rtol=1e-6, atol=1e-8)
+
+
+def test_hysteresis_and_relay():
+    """A heater with hysteresis feeds a drive whose velocity a relay holds."""
+    s = swb.Scene("x", states="z", name="heated")
+    heat = s.hysteresis(-s.z, -0.8, -1.2, initial=1)
+    s.force([s.z - 2.0 * swb.where(s.v[0] > 0.2, 1.0, 0.0)])
+    s.state_rates([2.0 * heat - s.z])
+    run = s.simulate([0.0], [0.0], 3.0, states=[0.0], rtol=1e-10, atol=1e-12)
+    # z rises to 1.2 in ln 2.5, falls to 0.8 in ln 1.5, and so on
+    times = np.log(2.5) + np.concatenate([[0.0], np.cumsum(np.tile([np.log(1.5), np.log(1.5)], 3))])
+    np.testing.assert_allclose([j.t for j in run.jumps], times[times < 3.0], rtol=1e-8)
+    np.testing.assert_allclose(run.x[-1][1], 0.2, atol=1e-9)
+
+
+def test_events_of_a_scene():
+    s = swb.Scene("y", name="ball")
+    s.force([-10.0])
+    s.contact("floor", gap=s.q[0], e=0.5)
+    s.note(s.q[0] > 1.0, name="high")
+    s.stop_at(s.v[0] < -2.5, name="fast")
+    run = s.simulate([0.0], [10.0], 9.0, rtol=1e-10, atol=1e-12)
+    assert run.stopped_by == "fast"
+    np.testing.assert_allclose(run.t_end, 1.25, rtol=1e-9)
+    assert len(run.notes) == 1
+
+
 def _force(make):
     s = swb.Scene("x", u="u", p="p")
     s.force([make(s)])
@@ -248,6 +337,30 @@ def _projected():
     return s.system()
 
 
+def _guard(make, when=None):
+    s = _force(lambda s: 0.0)
+    s.transition(make(s), when=when, reset={s.v[0]: 0.0})
+    return s.system()
+
+
+def _twice():
+    s = swb.Scene("x")
+    s.discrete("w")
+    s.discrete("w")
+
+
+def _rates():
+    s = swb.Scene("x", states="z")
+    s.discrete("w")
+    s.state_rates([0.0, 0.0])
+
+
+def _jumping():
+    s = _force(lambda s: 0.0)
+    s.transition(s.q[0] > 1.0, reset={s.v[0]: -s.v[0]})
+    return s
+
+
 RELAY = lambda s: -swb.sign(s.v[0])
 NONSENSE = {
     "a gap that switches": (_gap, swb.UnsupportedError, "only forces and the rates"),
@@ -258,6 +371,15 @@ NONSENSE = {
     "time stepping": (lambda: _force(RELAY).simulate_steps([0], [1], 1), swb.UnsupportedError, "switch at v_x = 0"),
     "time-freezing": (lambda: _force(RELAY).freeze(), swb.UnsupportedError, "switch at v_x = 0.*switch of forces"),
     "optimal control": (lambda: swb.Ocp(_force(RELAY), 1.0, 4), swb.UnsupportedError, "switch at v_x = 0"),
+    "jumps by time stepping": (lambda: _jumping().simulate_steps([0], [1], 1), swb.UnsupportedError, "cannot follow transitions"),
+    "jumps in time-freezing": (lambda: _jumping().freeze(), swb.UnsupportedError, "time-freezing cannot follow transitions"),
+    "jumps in optimal control": (lambda: swb.Ocp(_jumping(), 1.0, 4), swb.UnsupportedError, "does not follow transitions"),
+    "a guard that switches": (lambda: _guard(lambda s: abs(s.q[0]) > 1.0), swb.UnsupportedError, "switches itself"),
+    "a guard without variables": (lambda: _guard(lambda s: 1.0), swb.ArgumentError, "never passes zero"),
+    "a state of another scene": (lambda: _guard(lambda s: s.q[0] > 1.0, {"z": 1.0}), swb.ArgumentError, "no state of the scene"),
+    "a discrete state twice": (lambda: _twice(), swb.ArgumentError, "variable 'w' already"),
+    "a discrete state that is NaN": (lambda: swb.Scene("x").discrete("w", np.nan), swb.RangeError, "initial value"),
+    "rates of discrete states": (lambda: _rates(), swb.DimensionError, "state_rates has shape"),
     "finite elements": (lambda: swb.simulate_fesd(_force(RELAY), [0, 1], 1.0, 4), swb.UnsupportedError, "cannot follow"),
 }
 
@@ -274,3 +396,12 @@ def test_products_that_vanish_together_are_named():
     s.force([-swb.sign(s.q[0]) * swb.sign(s.v[0])])
     run = s.simulate([0.0], [0.0], 1.0)
     assert not run.success and "multiply each other" in run.reason
+
+
+def test_resets_that_bodies_do_not_allow():
+    s = swb.Scene("y")
+    s.force([-10.0])
+    s.contact("floor", gap=s.q[0])
+    s.transition(s.q[0] < 0.2, reset={s.q[0]: -0.3})
+    run = s.simulate([1.0], [0.0], 1.0)
+    assert not run.success and "overlap" in run.reason and "floor" in run.reason

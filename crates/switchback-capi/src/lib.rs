@@ -139,6 +139,7 @@ pub mod run;
 pub mod transition;
 
 pub mod scene;
+pub mod scene_transition;
 
 pub mod model_transition;
 

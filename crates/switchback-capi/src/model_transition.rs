@@ -225,7 +225,7 @@ unsafe fn add_clock(
 }
 
 /// States and the expressions that they become.
-fn resets_of(dag: &Dag, states: &[i64], ids: &[i64]) -> Result<Vec<(usize, Id)>> {
+pub(super) fn resets_of(dag: &Dag, states: &[i64], ids: &[i64]) -> Result<Vec<(usize, Id)>> {
     if states.len() != ids.len() {
         return Err(Error::Dimension(format!(
             "there are {} states to reset and {} expressions: give one for each",
@@ -237,7 +237,7 @@ fn resets_of(dag: &Dag, states: &[i64], ids: &[i64]) -> Result<Vec<(usize, Id)>>
     states.iter().zip(ids).map(one).collect()
 }
 
-fn place(v: i64, what: &str) -> Result<usize> {
+pub(super) fn place(v: i64, what: &str) -> Result<usize> {
     usize::try_from(v).map_err(|_| Error::Range(format!("{what} is {v}: states and expressions count from 0")))
 }
 

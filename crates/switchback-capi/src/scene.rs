@@ -56,7 +56,7 @@ impl SceneObject {
         self.frozen = Some(report);
     }
 
-    fn change(&mut self) -> &mut Scene {
+    pub(super) fn change(&mut self) -> &mut Scene {
         self.built = None;
         self.frozen = None;
         &mut self.scene
@@ -295,7 +295,7 @@ pub unsafe extern "C" fn swb_scene_set_state_rates(
 ) -> swb_status {
     setting(scene, || unsafe {
         with_ids(scene, graph, (rates, n), "rates", |s, all| {
-            let n_z = s.n_states();
+            let n_z = s.n_states() - s.discrete().len();
             if all.len() != n_z {
                 return Err(Error::Dimension(format!("there are {} rates of states, expected {n_z}", all.len())));
             }

@@ -1334,6 +1334,8 @@ FUNCTIONS = {
     "swb_run_impact_sensitivity": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
     "swb_run_contact_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_run_contact_forces": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_scene_add_discrete": (c_int32, [c_void_p, c_char_p, c_double, c_void_p]),
+    "swb_scene_add_event": (c_int32, [c_void_p, c_void_p, c_char_p, c_int32, c_int32, c_int64, c_int32, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_model_set_discrete": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_model_set_value_names": (c_int32, [c_void_p, c_int64, c_char_p]),
     "swb_model_get_value_names": (c_int32, [c_void_p, c_int64, c_void_p, c_int64, c_void_p]),

@@ -722,8 +722,8 @@ class _Transition:
     effect: Effect = Effect.JUMP
     trigger: Trigger = Trigger.LEVEL
 
-    def add_to(self, built: _Built, graph: Graph) -> None:
-        """Add it to a model of the library."""
+    def add_to(self, built: Any, graph: Graph) -> None:
+        """Add it to a model or a scene of the library."""
 
         reset = {state: int(value._ids) for state, value in self.reset.items()}
         arrays: list[numpy.ndarray] = []
@@ -774,72 +774,34 @@ class _Built(Handle):
     _kind = "model"
 
 
-class Model(Named):
-    """A model made of expressions: variables `x`, `u`, `p` and the time `t`, and the derivatives of the states.
+class Jumping:
+    """What models and scenes share: discrete states, transitions, clocks."""
 
-    Variables are given by names, "q v", or by their number; those with names are attributes, `model.q`, too. Setting `derivatives` to a list of expressions, one for
-    each state, or `derivative` state by state, completes the model.
-    """
-
-    def __init__(
-        self,
-        states: int | str | Sequence[str],
-        controls: int | str | Sequence[str] = 0,
-        parameters: int | str | Sequence[str] = 0,
-        name: str = "model",
-        *,
-        _graph: Graph | None = None,
-    ):
-        self.name = name
-        self.names = [split(states, "states"), split(controls, "controls"), split(parameters, "parameters")]
-        self._refuse_twice()
-        self.nx, self.nu, self.np = (len(n) for n in self.names)
-        self.graph = Graph() if _graph is None else _graph
-        self.x, self.u, self.p = (self.graph.inputs(b, n) for b, n in zip("xup", (self.nx, self.nu, self.np)))
-        self.t = self.graph.inputs("t", 1)[0]
-        self._rhs: list[Expr | None] = [None] * self.nx
-        self._trial: Any = None
-        self._made: _Built | None = None
-        self._transitions: list[_Transition] = []
-        self._choices: list[tuple[int, tuple[float, ...], float]] = []  # control, values, dwell time
-        self._discrete: list[float] = []  # initial values of the last states
-        self._value_names: dict[int, tuple[str, ...]] = {}  # of discrete states, by their place among all states
-        self._complete = True
-        if _graph is None:
-            self._warn_hidden()
-
-    def _blocks(self) -> tuple[Expr, ...]:
-        return self.x, self.u, self.p
-
-    def derivative(self, state: Expr | str, rhs: Any) -> None:
-        """Set the derivative of a state, given as an expression or by its name."""
-        self._rhs[self._state(state, "derivative")] = self.graph.of(rhs)
-        self._made = None
+    graph: Graph
+    x: Expr
+    t: Expr
+    _transitions: list[_Transition]
+    _what = "model"
 
     def discrete(self, name: str = "", initial: float = 0.0) -> Expr:
-        """Add a discrete state: only transitions change it. It is the last state, and where an initial state is given
-        without the discrete ones they begin with `initial`. Add discrete states before functions of the model are made."""
-        start = number(initial, "initial")
-        if not isinstance(name, str):
-            raise ArgumentError(f"the name of a discrete state must be a text, not {type(name).__name__}")
-        if name and any(name in names for names in self.names):
-            raise ArgumentError(f"there is a variable '{name}' already: give the discrete state another name")
-        self.names[0].append(name)
-        self.nx += 1
-        self.x = self.graph.inputs("x", self.nx)
-        self._rhs.append(self.graph.constant(0.0))
-        self._discrete.append(start)
-        self._made = None
-        return self.x[self.nx - 1]
+        raise NotImplementedError
+
+    def _state_names(self) -> list[str]:
+        """Names of all states, "" where one has none."""
+        raise NotImplementedError
+
+    def _take(self, transition: _Transition) -> None:
+        """A transition is added: what has been made without it is old."""
+        raise NotImplementedError
 
     def _state(self, state: Any, what: str) -> int:
         """The place of a state that is given as an expression or by its name."""
         if isinstance(state, Expr) and state.ndim == 0:
             places = numpy.flatnonzero(self.x._ids == state._ids)
         else:
-            places = [i for i, name in enumerate(self.names[0]) if name and name == state]
+            places = [i for i, name in enumerate(self._state_names()) if name and name == state]
         if len(places) != 1:
-            raise ArgumentError(f"{what}: {state!r} is no state of the model{nearest(state, self.names[0])}")
+            raise ArgumentError(f"{what}: {state!r} is no state of the {self._what}{nearest(state, self._state_names())}")
         return int(places[0])
 
     def _values(self, given: Any, what: str) -> dict[int, float]:
@@ -872,9 +834,9 @@ class Model(Named):
         for state, value in after.items():
             if value.ndim or value._condition:
                 what = "a condition" if value._condition else f"an array of shape {value.shape}"
-                raise DimensionError(f"reset of {self.names[0][state] or self.x[state]!r} is {what}: it becomes one value")
+                raise DimensionError(f"reset of {self._state_names()[state] or self.x[state]!r} is {what}: it becomes one value")
         trigger = Trigger.EDGE if edge else Trigger.LEVEL
-        return self._add(guard, self._values(when, "when"), after, self._values(to, "to"), name, Effect.JUMP, trigger)
+        return self._add_event(guard, self._values(when, "when"), after, self._values(to, "to"), name, Effect.JUMP, trigger)
 
     def stop_at(self, guard: Any, *, when: Any = None, name: str = "") -> int:
         """End runs where a condition becomes true, or an expression positive, and return the number of the event.
@@ -882,7 +844,7 @@ class Model(Named):
         `guard`, `when` and `name` are those of `transition`. A condition that is true at the start has to be false first. `Run.stopped_by` says
         which event ended a run, and `Run.outcome` is EVENT. Derivatives of the last state include that of the time of the end.
         """
-        return self._add(guard, self._values(when, "when"), {}, {}, name, Effect.STOP, Trigger.EDGE)
+        return self._add_event(guard, self._values(when, "when"), {}, {}, name, Effect.STOP, Trigger.EDGE)
 
     def note(self, guard: Any, *, when: Any = None, name: str = "") -> int:
         """Note where a condition becomes true, or an expression positive, and return the number of the event.
@@ -890,9 +852,9 @@ class Model(Named):
         `guard`, `when` and `name` are those of `transition`. Times and states are in `Run.t_events` and `Run.y_events`, as accurate as those of
         transitions. No step ends for that. A condition that is true at the start has to be false first.
         """
-        return self._add(guard, self._values(when, "when"), {}, {}, name, Effect.NOTE, Trigger.EDGE)
+        return self._add_event(guard, self._values(when, "when"), {}, {}, name, Effect.NOTE, Trigger.EDGE)
 
-    def _add(
+    def _add_event(
         self,
         guard: Any,
         when: dict[int, float],
@@ -913,32 +875,10 @@ class Model(Named):
             raise ArgumentError(f"the name of an event must be a text, not {type(name).__name__}")
         if name and any(name == t.name for t in self._transitions):
             raise ArgumentError(f"there is an event '{name}' already: give this one another name")
-        self._transitions.append(_Transition(g, Direction.RISING, when, reset, to, name, effect, trigger))
-        self._made = None
+        made = _Transition(g, Direction.RISING, when, reset, to, name, effect, trigger)
+        self._take(made)
+        self._transitions.append(made)
         return len(self._transitions) - 1
-
-    def choice(self, control: Any, values: Any, dwell: float = 0.0) -> None:
-        """Say that a control chooses among values: on or off, a gear, a number of machines.
-
-        `control` is a name, a number, or an expression `m.u[0]`. An optimal control problem (`Ocp`) searches the best value for every control
-        stage. With a `dwell` time each value that is chosen holds for that long at least; the value at the start may be left at any time, and the
-        end of the horizon may cut the last one short. Simulations take any value of the control.
-        """
-        given = tuple(float(v) for v in numpy.atleast_1d(numpy.asarray(values, dtype=float)).ravel())
-        self._choices.append((self._control(control), given, number(dwell, "dwell")))
-        self._made = None
-
-    def _control(self, control: Any) -> int:
-        """The place of a control that is given as an expression, by its name or by its number."""
-        if isinstance(control, Expr) and control.ndim == 0:
-            places = [int(i) for i in numpy.flatnonzero(self.u._ids == control._ids)]
-        elif isinstance(control, str):
-            places = [i for i, name in enumerate(self.names[1]) if name and name == control]
-        else:
-            places = [index(control, "control")]
-        if len(places) != 1:
-            raise ArgumentError(f"choice: {control!r} is no control of the model{nearest(control, self.names[1])}")
-        return places[0]
 
     def hysteresis(self, value: Any, on: Any, off: Any, initial: int = 0, name: str = "") -> Expr:
         """A discrete value that becomes 1 where `value` exceeds `on` and 0 where it falls below `off`, which is smaller.
@@ -1003,6 +943,94 @@ class Model(Named):
         count = self.every(every, to={pulse: 1}, offset=first)
         self.transition(self.t - first - every * (count - 1) > every * self.graph.of(duty), when={pulse: 1}, to={pulse: 0})
         return pulse
+
+
+class Model(Jumping, Named):
+    """A model made of expressions: variables `x`, `u`, `p` and the time `t`, and the derivatives of the states.
+
+    Variables are given by names, "q v", or by their number; those with names are attributes, `model.q`, too. Setting `derivatives` to a list of expressions, one for
+    each state, or `derivative` state by state, completes the model.
+    """
+
+    def __init__(
+        self,
+        states: int | str | Sequence[str],
+        controls: int | str | Sequence[str] = 0,
+        parameters: int | str | Sequence[str] = 0,
+        name: str = "model",
+        *,
+        _graph: Graph | None = None,
+    ):
+        self.name = name
+        self.names = [split(states, "states"), split(controls, "controls"), split(parameters, "parameters")]
+        self._refuse_twice()
+        self.nx, self.nu, self.np = (len(n) for n in self.names)
+        self.graph = Graph() if _graph is None else _graph
+        self.x, self.u, self.p = (self.graph.inputs(b, n) for b, n in zip("xup", (self.nx, self.nu, self.np)))
+        self.t = self.graph.inputs("t", 1)[0]
+        self._rhs: list[Expr | None] = [None] * self.nx
+        self._trial: Any = None
+        self._made: _Built | None = None
+        self._transitions: list[_Transition] = []
+        self._choices: list[tuple[int, tuple[float, ...], float]] = []  # control, values, dwell time
+        self._discrete: list[float] = []  # initial values of the last states
+        self._value_names: dict[int, tuple[str, ...]] = {}  # of discrete states, by their place among all states
+        self._complete = True
+        if _graph is None:
+            self._warn_hidden()
+
+    def _blocks(self) -> tuple[Expr, ...]:
+        return self.x, self.u, self.p
+
+    def derivative(self, state: Expr | str, rhs: Any) -> None:
+        """Set the derivative of a state, given as an expression or by its name."""
+        self._rhs[self._state(state, "derivative")] = self.graph.of(rhs)
+        self._made = None
+
+    def discrete(self, name: str = "", initial: float = 0.0) -> Expr:
+        """Add a discrete state: only transitions change it. It is the last state, and where an initial state is given
+        without the discrete ones they begin with `initial`. Add discrete states before functions of the model are made."""
+        start = number(initial, "initial")
+        if not isinstance(name, str):
+            raise ArgumentError(f"the name of a discrete state must be a text, not {type(name).__name__}")
+        if name and any(name in names for names in self.names):
+            raise ArgumentError(f"there is a variable '{name}' already: give the discrete state another name")
+        self.names[0].append(name)
+        self.nx += 1
+        self.x = self.graph.inputs("x", self.nx)
+        self._rhs.append(self.graph.constant(0.0))
+        self._discrete.append(start)
+        self._made = None
+        return self.x[self.nx - 1]
+
+    def _state_names(self) -> list[str]:
+        return self.names[0]
+
+    def _take(self, transition: _Transition) -> None:
+        self._made = None
+
+    def choice(self, control: Any, values: Any, dwell: float = 0.0) -> None:
+        """Say that a control chooses among values: on or off, a gear, a number of machines.
+
+        `control` is a name, a number, or an expression `m.u[0]`. An optimal control problem (`Ocp`) searches the best value for every control
+        stage. With a `dwell` time each value that is chosen holds for that long at least; the value at the start may be left at any time, and the
+        end of the horizon may cut the last one short. Simulations take any value of the control.
+        """
+        given = tuple(float(v) for v in numpy.atleast_1d(numpy.asarray(values, dtype=float)).ravel())
+        self._choices.append((self._control(control), given, number(dwell, "dwell")))
+        self._made = None
+
+    def _control(self, control: Any) -> int:
+        """The place of a control that is given as an expression, by its name or by its number."""
+        if isinstance(control, Expr) and control.ndim == 0:
+            places = [int(i) for i in numpy.flatnonzero(self.u._ids == control._ids)]
+        elif isinstance(control, str):
+            places = [i for i, name in enumerate(self.names[1]) if name and name == control]
+        else:
+            places = [index(control, "control")]
+        if len(places) != 1:
+            raise ArgumentError(f"choice: {control!r} is no control of the model{nearest(control, self.names[1])}")
+        return places[0]
 
     @property
     def derivatives(self) -> list[Expr | None]:

@@ -16,7 +16,7 @@ from ._ffi import ContactMode, ImpactKind, ImpactLaw
 from ._library import lib
 from .errors import ArgumentError, DimensionError
 from ._names import Named, split
-from .expr import Expr, Graph
+from .expr import Expr, Graph, Jumping
 from .function import Function
 from .system import System
 
@@ -85,6 +85,8 @@ class _ContactSystem(Named):
     nu: int
     np: int
     _made: _Scene
+    _transitions: Sequence[Any] = ()
+    _discrete: Sequence[float] = ()
     _layout: Any = None  # of a World: where its bodies are
 
     def _begin(self, create: Any, sizes: Sequence[int], states: int, controls: list[str], parameters: list[str]) -> None:
@@ -166,6 +168,8 @@ class _ContactSystem(Named):
         s._origin = self.graph, self.x._ids, states
         s._contacts = tuple((c["name"], c["tangents"]) for c in self.report_data()["contacts"])
         s._scene = self
+        s._discrete = list(self._discrete)
+        s._events = [t.name for t in self._transitions]
         return s
 
     def function(self, outputs: Any, name: str = "f") -> Function:
@@ -173,14 +177,15 @@ class _ContactSystem(Named):
         return self.graph.function(outputs, self.nx, self.nu, self.np, name)
 
 
-class Scene(_ContactSystem):
+class Scene(Jumping, _ContactSystem):
     """A mechanical system with contacts:
 
     q' = N(q) v,   M(q) v' = force(q, v, u, p, t) + contact forces,   gap >= 0, friction
 
     `q`, `v`, `u`, `p` are arrays of expressions and `t` is the time. Coordinates, controls and parameters are given by names,
     "x y", or by their number; velocities too, and without them there is one for each coordinate, its rate. `states` are states
-    beside these, such as currents of motors and temperatures; `state_rates` gives their rates.
+    beside these, such as currents of motors and temperatures; `state_rates` gives their rates. Transitions, discrete states and clocks
+    are those of a `Model`: `transition`, `discrete`, `hysteresis`, `every`, `hold`, `pwm`, `stop_at`, `note`.
 
         s = swb.Scene("y", name="ball")
         s.force([-9.81])
@@ -202,6 +207,8 @@ class Scene(_ContactSystem):
         vs = [f"v_{n}" if n else "" for n in qs] if v is None else split(v, "v")
         zs, us, ps = split(states, "states"), split(u, "u"), split(p, "p")
         self.names = [qs, vs, *([zs] if zs else []), us, ps]
+        self._transitions: list[Any] = []
+        self._discrete: list[float] = []  # initial values of the last states
         self.n_q, self.n_v, self.n_states = len(qs), len(vs), len(zs)
         if not self.n_q or not self.n_v:
             raise DimensionError("a scene needs at least one coordinate and one velocity")
@@ -209,6 +216,33 @@ class Scene(_ContactSystem):
         self._begin(lib.swb_scene_create_with_states, (*sizes, len(us), len(ps)), sum(sizes), us, ps)
         self.q, self.v, self.states = self.x[: self.n_q], self.x[self.n_q : behind], self.x[behind:]
         self._warn_hidden(besides=("x",))  # coordinates are written s.q; a state array in the place of x has the wrong shape
+
+    _what = "scene"
+
+    def discrete(self, name: str = "", initial: float = 0.0) -> Expr:
+        """Add a discrete state: only transitions change it. It is the last state, and where an initial state is given
+        without the discrete ones they begin with `initial`."""
+        start = number(initial, "initial")
+        if not isinstance(name, str):
+            raise ArgumentError(f"the name of a discrete state must be a text, not {type(name).__name__}")
+        if name and any(name in names for names in self.names):
+            raise ArgumentError(f"there is a variable '{name}' already: give the discrete state another name")
+        self._made._do("add_discrete", encode(name, "name"), start, None)
+        if len(self.names) == 4:
+            self.names.insert(2, [])
+        self.names[2].append(name)
+        self._discrete.append(start)
+        self.nx += 1
+        self.x = self.graph.inputs("x", self.nx)
+        self._current = False
+        return self.x[self.nx - 1]
+
+    def _state_names(self) -> list[str]:
+        return [n for group in self.names[:-2] for n in group]
+
+    def _take(self, transition: Any) -> None:
+        transition.add_to(self._made, self.graph)
+        self._current = False
 
     def rates(self, values: Any) -> None:
         """Set the rates of the coordinates, one for each, linear in the velocities; by default they are the velocities."""
@@ -348,7 +382,7 @@ class Scene(_ContactSystem):
 
     def _start(self, q0: Any, v0: Any, states: Any) -> numpy.ndarray:
         sizes = (q0, self.n_q, "q0"), (v0, self.n_v, "v0"), (states, self.n_states, "states")
-        return numpy.concatenate([vector(value, n, what) for value, n, what in sizes])
+        return numpy.concatenate([*(vector(value, n, what) for value, n, what in sizes), self._discrete])
 
     def freeze(
         self,
