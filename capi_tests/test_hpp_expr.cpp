@@ -267,6 +267,19 @@ static void joints() {
     const double end = 1.7 * (t2 - t1) + 2.0 * (std::exp(-t2) - std::exp(-t1)) + 0.7 * (2.0 - t2);
     CHECK(near(runs.state()[1], end, 1e-9) && near(runs.state()[2], 1.0, 1e-10));
 
+    // a gripper lets a ball go, which bounces
+    swb::Scene gripper("y");
+    const swb::Expr held = gripper.discrete("held", 1.0);
+    gripper.force({-10.0 * (1.0 - held)});
+    gripper.contact("floor", gripper.q(0), {}, 0.0, 0.8);
+    CHECK(gripper.transition(gripper.q(0) > 1.2, {{held, 1.0}}, {}, {{held, 0.0}}) == 0);
+    CHECK(status_of([&] { gripper.transition(gripper.q(0) > 1.2, {{motor.state(0), 1.0}}, {}, {{held, 0.0}}); }) == SWB_ERR_RANGE);
+    const swb::System released = gripper.system();
+    swb::Integrator falls(released, settings);
+    falls.reinit(0.0, {0.5, 1.0, 1.0});
+    falls.advance(2.0);
+    CHECK(near(falls.state()[0], 4.0 * 0.7 - 5.0 * 0.49, 1e-8) && falls.state()[2] == 0.0);
+
     swb::Scene block("x y");
     block.force({block.t(), block.constant(-1.0)});
     const int64_t floor = block.contact("floor", block.q(1), {block.q(0)}, 0.3);

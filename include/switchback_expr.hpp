@@ -353,6 +353,25 @@ struct Counts {
     int64_t subsystems = 0, switching_functions = 0, regions = 0, algebraic = 0, pairs = 0;
 };
 
+namespace detail {
+
+/// The number of a guard in this graph.
+inline int64_t guard_of(const Graph &graph, const Cond &guard) {
+    if (guard.margin().id < 0 && guard.node().graph.get() != graph.get())
+        throw Error(SWB_ERR_RANGE, "the guard is made of variables of another model", 0);
+    return guard.margin().id < 0 ? guard.id() : ids(graph, {Expr(guard.margin())}).front();
+}
+
+/// The place of a state among all of a model or a scene.
+inline int64_t place_of(const Graph &graph, const Exprs &states, const Expr &state) {
+    for (std::size_t i = 0; i < states.size(); ++i)
+        if (state.node().graph == graph && state.id() == states[i].id())
+            return static_cast<int64_t>(i);
+    throw Error(SWB_ERR_RANGE, "this expression is no state of the model", 0);
+}
+
+} // namespace detail
+
 /// A model: variables, and the derivatives of the states.
 class Model {
 public:
@@ -437,9 +456,7 @@ public:
                   const Resets &reset, const Values &to = {}) {
         Jump j;
         j.name = name, j.effect = effect, j.trigger = trigger;
-        if (guard.margin().id < 0 && guard.node().graph.get() != graph_.get())
-            throw Error(SWB_ERR_RANGE, "the guard is made of variables of another model", 0);
-        j.guard = guard.margin().id < 0 ? guard.id() : detail::ids(graph_, {Expr(guard.margin())}).front();
+        j.guard = detail::guard_of(graph_, guard);
         for (const auto &d : when)
             j.from.first.push_back(place(d.first)), j.from.second.push_back(d.second);
         for (const auto &r : reset)
@@ -604,12 +621,7 @@ private:
         std::pair<std::vector<int64_t>, Vector> from, to;
         std::pair<std::vector<int64_t>, std::vector<int64_t>> reset;
     };
-    int64_t place(const Expr &state) const {
-        for (std::size_t i = 0; i < x().size(); ++i)
-            if (state.node().graph == graph_ && state.id() == x(i).id())
-                return static_cast<int64_t>(i);
-        throw Error(SWB_ERR_RANGE, "this expression is no state of the model", 0);
-    }
+    int64_t place(const Expr &state) const { return detail::place_of(graph_, x(), state); }
 
     detail::Graph graph_;
     std::string name_;
@@ -779,6 +791,7 @@ public:
         detail::check(swb_scene_create_with_states(name.c_str(), size(qs), size(vs), size(zs), size(us), size(ps),
                                                    joined({&qs, &vs, &zs, &us, &ps}).c_str(), &s));
         const Exprs x = begin(s, qs.size() + vs.size() + zs.size(), us, ps);
+        all_ = x;
         const auto velocities = x.begin() + static_cast<std::ptrdiff_t>(qs.size());
         const auto behind = velocities + static_cast<std::ptrdiff_t>(vs.size());
         q_.assign(x.begin(), velocities);
@@ -825,6 +838,37 @@ public:
         int64_t k = 0;
         detail::check(swb_scene_add_constraint(scene_.get(), graph_.get(), name.c_str(),
                                                detail::ids(graph_, {zero}).front(), &k));
+        return k;
+    }
+    /// Adds a discrete state, the last one, which only transitions change; see swb_scene_add_discrete.
+    Expr discrete(const std::string &name = "", double initial = 0) {
+        int64_t k = 0, id = -1;
+        detail::check(swb_scene_add_discrete(scene_.get(), name.c_str(), initial, &k));
+        detail::check(swb_expr_inputs(graph_.get(), SWB_INPUT_X, k, &id, 1));
+        all_.push_back(Expr(detail::Node{graph_, id}));
+        return all_.back();
+    }
+    /// A jump of the state, as Model::transition. Returns its number. See swb_scene_add_event.
+    int64_t transition(const Cond &guard, const Model::Values &when, const Model::Resets &reset, const Model::Values &to = {}) {
+        return event("", SWB_EFFECT_JUMP, SWB_TRIGGER_LEVEL, guard, when, reset, to);
+    }
+    /// A transition with a name, an effect and a trigger. Returns its number. See swb_scene_add_event.
+    int64_t event(const std::string &name, swb_effect effect, swb_trigger trigger, const Cond &guard, const Model::Values &when,
+                  const Model::Resets &reset, const Model::Values &to = {}) {
+        std::vector<int64_t> from_states, reset_states, resets, to_states;
+        Vector from_values, to_values;
+        for (const auto &d : when)
+            from_states.push_back(detail::place_of(graph_, all_, d.first)), from_values.push_back(d.second);
+        for (const auto &r : reset)
+            reset_states.push_back(detail::place_of(graph_, all_, r.first)), resets.push_back(detail::ids(graph_, {r.second}).front());
+        for (const auto &d : to)
+            to_states.push_back(detail::place_of(graph_, all_, d.first)), to_values.push_back(d.second);
+        int64_t k = 0;
+        detail::check(swb_scene_add_event(
+            scene_.get(), graph_.get(), name.c_str(), effect, trigger, detail::guard_of(graph_, guard), SWB_DIRECTION_RISING,
+            from_states.data(), detail::length(from_states), from_values.data(), detail::length(from_values), reset_states.data(),
+            detail::length(reset_states), resets.data(), detail::length(resets), to_states.data(), detail::length(to_states),
+            to_values.data(), detail::length(to_values), &k));
         return k;
     }
     /// States that a coordinate stays between bounds, which may be infinite; see swb_scene_set_bounds.
@@ -876,7 +920,7 @@ private:
         return out;
     }
 
-    Exprs q_, v_, states_;
+    Exprs q_, v_, states_, all_;
 };
 
 /// A projected system, or first-order sweeping process: x' = f plus the sum of gradient(c) times multiplier over all constraints
