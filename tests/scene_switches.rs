@@ -250,6 +250,61 @@ fn a_switch_at_a_gap_that_is_held_does_nothing() {
     }
 }
 
+/// Twisting: a switch of the position and a weaker one of the velocity bring a body to rest by infinitely many switches, whose times are a
+/// geometric series.
+#[test]
+fn switches_that_accumulate_end_the_run() {
+    let g = Graph::new();
+    let force = -2.0 * g.x(0).sign() - 0.9 * g.x(1).sign();
+    let system = scene("twisting", [1, 1, 0], 0, &[force], &[]).build(&g).unwrap().system;
+    let e = try_run(&system, 1e-9, &[1.0, 0.0], &[], 9.0);
+    let (fast, slow) = (2.9f64, 1.1f64);
+    let (v, r) = ((2.0 * slow).sqrt(), (slow / fast).sqrt());
+    let end = (2.0 / slow).sqrt() + v * (1.0 / fast + r / slow) / (1.0 - r);
+    assert_eq!(e.outcome(), Outcome::Zeno, "{}", e.reason());
+    assert!(e.reason().contains("switch at x[") && e.reason().contains("ever faster"), "{}", e.reason());
+    // it ends where nothing moves any more, a little before the limit
+    assert!((e.time() - end).abs() < 1e-5 && off(e.state(), &[0.0, 0.0]) < 1e-6, "{} {end} {:?}", e.time(), e.state());
+}
+
+/// Many bodies, of which one is driven by a relay: far contacts are not looked at, and none is missed.
+#[test]
+fn a_relay_among_many_contacts() {
+    let g = Graph::new();
+    let n = 12;
+    let v = |i: usize| g.x(n + i);
+    let mut force: Vec<Expr> = (0..n).map(|_| g.constant(-10.0)).collect();
+    force[0] = 3.0 * (0.5 - v(0)).sign();
+    let mut s = scene("many", [n, n, 0], 0, &force, &[]);
+    for i in 1..n {
+        let c = Contact { restitution: g.constant(0.5).id(), ..Contact::new(&g, &format!("floor {i}"), g.x(i)) };
+        s.add_contact(c).unwrap();
+    }
+    let system = s.build(&g).unwrap().system;
+    let heights: Vec<f64> = (0..n).map(|i| if i == 0 { 0.0 } else { 1.0 + i as f64 }).collect();
+    let x0: Vec<f64> = heights.iter().copied().chain((0..n).map(|_| 0.0)).collect();
+    let t = 1.5;
+    let e = run(&system, 1e-10, &x0, &[], t);
+    let mut expected = vec![0.0; 2 * n];
+    let up = 0.5 / 3.0;
+    (expected[0], expected[n]) = (0.25 * up + 0.5 * (t - up), 0.5);
+    for i in 1..n {
+        let (mut at, mut w, mut y) = (0.0, 0.0, heights[i]);
+        loop {
+            // the next time on the floor
+            let lands = at + (w + (w * w + 20.0 * y).sqrt()) / 10.0;
+            if lands >= t {
+                break;
+            }
+            w = -0.5 * (w - 10.0 * (lands - at));
+            (at, y) = (lands, 0.0);
+        }
+        let left = t - at;
+        (expected[i], expected[n + i]) = (y + w * left - 5.0 * left * left, w - 10.0 * left);
+    }
+    assert!(off(e.state(), &expected) < 1e-8, "{:?} {expected:?}", e.state());
+}
+
 fn wrong<T>(r: Result<T>, words: &str) {
     let e = r.err().expect(words).to_string();
     assert!(e.contains(words), "{e} / {words}");

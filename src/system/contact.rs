@@ -260,8 +260,13 @@ impl Mechanics {
                 Kind::Unilateral if c.stiction => "sticks by another friction than it slides with",
                 Kind::Unilateral => continue,
                 Kind::Joint => "is dry friction at a joint",
-                Kind::Switch => "is a switch of forces or rates",
                 Kind::Bilateral => "is a constraint that is always closed",
+                Kind::Switch => {
+                    return Err(Error::Unsupported(format!(
+                        "{who} cannot follow the {}, a switch of forces or rates: simulate the scene event-driven",
+                        c.name
+                    )))
+                }
             };
             return Err(Error::Unsupported(format!(
                 "{who} cannot follow {}, which {what}: simulate the scene event-driven or by time stepping",

@@ -490,6 +490,36 @@ impl Engine {
         self.functions.zero == all
     }
 
+    /// Does a switch of a scene, that of watch `w`, accumulate at the present point, so that nothing moves any more as far as the tolerances
+    /// see? Then the run ends: which mode follows is not looked for there.
+    pub(super) fn scene_accumulates(&mut self, w: &Watch, name: &str) -> Option<Progress> {
+        self.functions.zero.fill(false);
+        self.remember(self.source(w), None);
+        let gaps = self.calendar.recent.of_last().gaps()?;
+        let half = |i: usize| gaps[i * MEMORY / 2..(i + 1) * MEMORY / 2].iter().sum::<f64>();
+        let (first, last) = (half(0), half(1));
+        let stuck = first + last <= 64.0 * EPS * self.t.abs();
+        let ratio = last / first;
+        if !stuck && !(ratio < SHRINKS) {
+            return None;
+        }
+        let left = if stuck { 0.0 } else { last * ratio / (1.0 - ratio) };
+        let moves = |i: usize| {
+            let tolerance = self.atol[i] + self.rtol[i] * self.x[i].abs();
+            self.f[i].abs() * left > 1e-2 * tolerance.max(4.0 * EPS * self.x[i].abs())
+        };
+        if (0..self.nx).any(moves) {
+            return None;
+        }
+        self.log.stats.accumulations += 1;
+        let limit = self.t + left;
+        let text = format!(
+            "the {name} happens again and again, ever faster, until t = {limit}: what follows is not known, as its rate does not depend on \
+             its weight; switch with a function whose rate does, or smoothly"
+        );
+        Some(self.fail(Outcome::Zeno, text))
+    }
+
     /// Do switches accumulate here? Then the policy decides.
     pub(super) fn accumulate(&mut self) -> Result<Option<Progress>> {
         if let Some(p) = self.approach_limit_set()? {

@@ -222,6 +222,7 @@ impl Engine {
 
     /// An event of watch `l` at the present point.
     pub(super) fn contact_event(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
+        let watch = self.functions.watches[l];
         if let Watch::Contact { contact, what: ContactWatch::Gap, .. } = self.functions.watches[l] {
             if self.t > self.stepper.step.t {
                 let x = std::mem::take(&mut self.x);
@@ -236,6 +237,13 @@ impl Engine {
         if !recover(r.map(|()| true), false)? && self.log.outcome == Outcome::Reached {
             let text = "the scene is not defined at this event, or its inertia is not positive definite there";
             return Ok(self.fail(Outcome::NoContinuation, text.into()));
+        }
+        if let w @ Watch::Contact { contact, what: ContactWatch::Speed, .. } = watch {
+            let named = |c: &Contacts| c.dynamics.mechanics.contacts[contact].name.clone();
+            let name = self.field.scene().filter(|c| c.dynamics.is_switch(contact)).map(named);
+            if let Some(p) = name.and_then(|name| self.scene_accumulates(&w, &name)) {
+                return Ok(p);
+            }
         }
         // guards that vanish here too, or are beyond zero behind an impact
         if !recover(self.make_held().map(|()| true), false)? {

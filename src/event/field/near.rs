@@ -10,7 +10,7 @@
 
 use crate::event::step::Step;
 use crate::func::Point;
-use crate::system::Mechanics;
+use crate::system::{Contact, Mechanics};
 
 /// Scenes with fewer contacts look at all of them.
 const FEW: usize = 8;
@@ -57,10 +57,12 @@ impl Near {
     pub(super) fn new(m: &Mechanics) -> Near {
         let n = m.contacts.len();
         let local = || m.contacts.iter().filter_map(|c| c.local.as_ref());
+        // what never opens is looked at in any case
+        let known = |c: &Contact| c.local.is_some() || !c.kind.opens();
         let states = local().map(|l| l.gap.dims().x).max().unwrap_or(0);
         let work = local().map(|l| 2 * l.gap.work_len()).max().unwrap_or(0);
         Near {
-            on: n >= FEW && local().count() == n,
+            on: n >= FEW && m.contacts.iter().all(known),
             due: vec![f64::NEG_INFINITY; n],
             near: vec![true; n],
             known: vec![false; n],
