@@ -327,11 +327,25 @@ fn what_cannot_be_followed_is_said() {
     wrong(s.build(&g), "switches where");
     let system = made(-v.sign()).unwrap().system;
     wrong(Stepper::new(&system, &stepping::Options::default()), "time stepping does not follow switches");
-    // two that multiply each other and vanish together: no linear problem
-    let system = made(-q.sign() * v.sign()).unwrap().system;
+    // two that multiply each other and vanish together, where no signs go on
+    let nested = q.gt(0.0).select(v.gt(0.0).select(g.constant(-2.0), g.constant(-1.0)), g.constant(1.0));
+    let system = made(nested).unwrap().system;
     let e = try_run(&system, 1e-8, &[0.0, 0.0], &[], 1.0);
     assert_eq!(e.outcome(), Outcome::NoContinuation);
     assert!(e.reason().contains("multiply each other"), "{}", e.reason());
+    // where signs do go on they are found
+    for (f, end) in [(-q.sign() * v.sign(), -0.5), (1.0 + 0.5 * q.sign() * v.sign(), 0.75)] {
+        let e = run(&made(f).unwrap().system, 1e-9, &[0.0, 0.0], &[], 1.0);
+        assert!(off(e.state(), &[end, 2.0 * end]) < 1e-8, "{:?}", e.state());
+    }
+    // held at zero by a weight that no rate determines: neither sign goes on, and nothing is guessed
+    let system = made(0.5 - q.sign()).unwrap().system;
+    let e = try_run(&system, 1e-8, &[0.0, 0.0], &[], 1.0);
+    assert_eq!(e.outcome(), Outcome::NoContinuation);
+    assert!(e.reason().contains("undecided"), "{}", e.reason());
+    let system = made(1.5 - q.sign()).unwrap().system;
+    let e = run(&system, 1e-9, &[0.0, 0.0], &[], 1.0);
+    assert!(off(e.state(), &[0.25, 0.5]) < 1e-8, "{:?}", e.state());
     // at rest where nothing decides: it could go either way, or stay
     let system = made(v.sign()).unwrap().system;
     let o = Options { ambiguity: Ambiguity::Stop, ..Options::with_tolerance(1e-8, 1e-8) };

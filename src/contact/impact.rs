@@ -116,7 +116,16 @@ impl Dynamics {
             problem.free[first + 1..=first + n_t].copy_from_slice(&b.sliding[..n_t]);
             let (friction, kind) = (b.friction, self.mechanics.contacts[i].kind);
             let size = size(i, self);
-            problem.parts.push(Part { first, n_t, friction, stiction: friction, kind, slides: None, size });
+            problem.parts.push(Part {
+                first,
+                n_t,
+                friction,
+                stiction: friction,
+                kind,
+                slides: None,
+                given: None,
+                size,
+            });
             first += 1 + n_t;
         }
         let found = problem.solve(&mut self.room);

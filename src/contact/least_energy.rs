@@ -192,6 +192,7 @@ mod tests {
             stiction: mu,
             kind: Kind::Unilateral,
             slides: None,
+            given: None,
             size: gravity,
         };
         Problem { parts: (0..g.len() / 2).map(part).collect(), matrix, free, ..Problem::default() }

@@ -6,6 +6,7 @@ use super::mode;
 use super::problem::{Part, Problem, Solution, State};
 use super::sensitivity::{add_jacobian, zeros};
 use crate::func::{EvalError, Point};
+use crate::system::Kind;
 
 /// Modes of all contacts that may follow.
 #[derive(Debug, Clone)]
@@ -50,6 +51,38 @@ impl Dynamics {
     ) -> Result<Follow, EvalError> {
         let listed = self.fix_weights(at, closed)?;
         let closed = listed.as_deref().unwrap_or(closed);
+        let tried = self.signs_to_try(closed);
+        if tried.is_empty() && self.multiplied(closed).is_some() {
+            return Ok(Follow::default());
+        }
+        if tried.is_empty() {
+            return self.follow_with(at, closed, &[], lately, (length, loaded));
+        }
+        // of switches that multiply each other one has a sign that is tried, so that the problem is linear
+        let weights = self.weights.clone();
+        let first = self.n_contacts() - weights.len();
+        let mut out = Follow::default();
+        for signs in tried {
+            self.weights.copy_from_slice(&weights);
+            signs.iter().for_each(|&(i, sign)| self.weights[i - first] = sign);
+            for c in self.follow_with(at, closed, &signs, lately, (length, false))?.all {
+                if out.all.iter().all(|o: &Choice| o.modes != c.modes) {
+                    out.all.push(c);
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    /// The modes that may follow where these switches at zero have these signs.
+    fn follow_with(
+        &mut self,
+        at: &At,
+        closed: &[Closed],
+        signs: &[(usize, f64)],
+        lately: &dyn Fn(usize) -> f64,
+        (length, loaded): (f64, bool),
+    ) -> Result<Follow, EvalError> {
         // what is loaded under modes has the friction of sliding joints in it
         if !loaded || self.has_joints() {
             self.load(at)?;
@@ -78,7 +111,8 @@ impl Dynamics {
             let along = || if begins { self.settled[c.contact] } else { [s[0] / speed, s[1] / speed] };
             let slides = (n_t > 0 && !c.rests && speed > 0.0).then(along);
             let (friction, stiction) = (b.friction, b.stiction);
-            problem.parts.push(Part { first, n_t, friction, stiction, kind, slides, size });
+            let given = signs.iter().find(|s| s.0 == c.contact).map(|s| s.1);
+            problem.parts.push(Part { first, n_t, friction, stiction, kind, slides, given, size });
             problem.start.extend_from_slice(&self.forces[c.contact][..=n_t]);
             first += 1 + n_t;
         }
@@ -102,6 +136,44 @@ impl Dynamics {
         problem.clear();
         self.problem = problem;
         r.map(|()| out)
+    }
+
+    /// Signs of switches at rest that are to be tried one after the other, so that of two that multiply each other one has a weight that is
+    /// given. Empty where none do, or too many.
+    fn signs_to_try(&self, closed: &[Closed]) -> Vec<Vec<(usize, f64)>> {
+        /// Switches that multiply each other and vanish together: 3^6 sets of signs.
+        const MOST: usize = 6;
+        let first = self.n_contacts() - self.weights.len();
+        let rests = |k: usize| closed.iter().any(|c| c.contact == first + k);
+        let pairs: Vec<[usize; 2]> =
+            self.mechanics.products.iter().copied().filter(|p| rests(p[0]) && rests(p[1])).collect();
+        if pairs.is_empty() {
+            return Vec::new();
+        }
+        let mut all: Vec<usize> = pairs.iter().flatten().copied().collect();
+        all.sort_unstable();
+        all.dedup();
+        if all.len() > MOST {
+            return Vec::new();
+        }
+        let mut out = Vec::new();
+        for code in 0..3usize.pow(all.len() as u32) {
+            let mut rest = code;
+            let mut signs = Vec::new();
+            for &k in &all {
+                match rest % 3 {
+                    1 => signs.push((first + k, 1.0)),
+                    2 => signs.push((first + k, -1.0)),
+                    _ => {}
+                }
+                rest /= 3;
+            }
+            let given = |k: usize| signs.iter().any(|s| s.0 == first + k);
+            if pairs.iter().all(|p| given(p[0]) || given(p[1])) {
+                out.push(signs);
+            }
+        }
+        out
     }
 
     /// Two switches at rest that multiply each other: their weights are not the solution of a linear problem.
@@ -223,7 +295,14 @@ impl Dynamics {
             if pass >= n {
                 wrong.truncate(1);
             }
+            let undecided =
+                |(k, state): &(usize, State)| problem.parts[*k].kind == Kind::Switch && *state == State::Rests;
+            let switches = wrong.iter().any(undecided);
             wrong.into_iter().for_each(|(k, state)| s.states[k] = state);
+            // a switch stays at zero only where its weight is determined
+            if switches && !(problem.with_states(&mut s, &mut self.room) && problem.holds(&s)) {
+                return Ok(None);
+            }
         }
         Ok(None)
     }

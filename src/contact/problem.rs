@@ -40,6 +40,8 @@ pub(crate) struct Part {
     pub(crate) kind: Kind,
     /// The direction it slides in already.
     pub(crate) slides: Option<[f64; 2]>,
+    /// Of a switch at zero: the sign that is tried, where its weight is given.
+    pub(crate) given: Option<f64>,
     /// What the normal component of `z` is compared with to be zero.
     pub(crate) size: f64,
 }
@@ -172,6 +174,9 @@ impl Problem {
 
     /// State number `k` that a contact may have, those with forces first.
     fn option(p: &Part, k: usize) -> State {
+        if let Some(sign) = p.given {
+            return State::Slides([sign, 0.0]);
+        }
         match (p.n_t, p.slides, k) {
             (_, Some(d), 0) => State::Slides(d),
             (_, Some(_), _) | (0, None, 1) | (_, None, 3) => State::Open,
@@ -183,6 +188,9 @@ impl Problem {
 
     /// Number of states a contact may have.
     fn n_options(p: &Part) -> usize {
+        if p.given.is_some() {
+            return 1;
+        }
         match (p.n_t, p.slides) {
             (2, None) if p.stiction > 0.0 => usize::MAX,
             (_, Some(_)) | (0, _) => 1 + usize::from(p.kind.opens()),
@@ -383,7 +391,8 @@ impl Problem {
     fn try_switches(&self, room: &mut Room) -> Solutions {
         let n = self.n();
         let switches: Vec<usize> = (0..self.parts.len()).filter(|k| self.parts[*k].kind == Kind::Switch).collect();
-        let count = switches.iter().try_fold(1usize, |n, _| n.checked_mul(3)).filter(|n| *n <= COMBINATIONS);
+        let own = |k: &usize| Problem::n_options(&self.parts[*k]);
+        let count = switches.iter().try_fold(1usize, |n, k| n.checked_mul(own(k))).filter(|n| *n <= COMBINATIONS);
         let mut found: Vec<(usize, Solution)> = Vec::new();
         let mut proven = true;
         let (mut redundant, mut shared) = (false, false);
@@ -392,8 +401,8 @@ impl Problem {
             let states: Vec<State> = switches
                 .iter()
                 .map(|&k| {
-                    let state = Problem::option(&self.parts[k], rest % 3);
-                    rest /= 3;
+                    let state = Problem::option(&self.parts[k], rest % own(&k));
+                    rest /= own(&k);
                     state
                 })
                 .collect();
@@ -759,7 +768,7 @@ mod tests {
     use super::*;
 
     fn part(first: usize, n_t: usize, friction: f64) -> Part {
-        Part { first, n_t, friction, stiction: friction, kind: Kind::Unilateral, slides: None, size: 1.0 }
+        Part { first, n_t, friction, stiction: friction, kind: Kind::Unilateral, slides: None, given: None, size: 1.0 }
     }
 
     #[test]

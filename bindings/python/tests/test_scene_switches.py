@@ -393,9 +393,10 @@ def test_nonsense(what):
 
 def test_products_that_vanish_together_are_named():
     s = swb.Scene("x")
-    s.force([-swb.sign(s.q[0]) * swb.sign(s.v[0])])
+    s.force([swb.where(s.q[0] > 0, swb.where(s.v[0] > 0, -2.0, -1.0), 1.0)])
     run = s.simulate([0.0], [0.0], 1.0)
     assert not run.success and "multiply each other" in run.reason
+    assert s.simulate([0.1], [0.1], 0.2).success
 
 
 def test_resets_that_bodies_do_not_allow():

@@ -490,17 +490,22 @@ impl Engine {
         self.functions.zero == all
     }
 
-    /// Does a switch of a scene, that of watch `w`, accumulate at the present point, so that nothing moves any more as far as the tolerances
-    /// see? Then the run ends: which mode follows is not looked for there.
+    /// Does a switch of a scene, that of watch `w`, which is crossed, accumulate at the present point, so that nothing moves any more as far as
+    /// the tolerances see? Then the run ends: which mode follows is not looked for there. Crossings between impacts or transitions accumulate
+    /// with these, which go on by rules of their own.
     pub(super) fn scene_accumulates(&mut self, w: &Watch, name: &str) -> Option<Progress> {
         self.functions.zero.fill(false);
         self.remember(self.source(w), None);
-        let gaps = self.calendar.recent.of_last().gaps()?;
+        let (gaps, from) = self.calendar.recent.of_last().gaps().zip(self.since())?;
+        if self.contact_events.scene.hit >= from || self.jumped_since(from) {
+            return None;
+        }
         let half = |i: usize| gaps[i * MEMORY / 2..(i + 1) * MEMORY / 2].iter().sum::<f64>();
         let (first, last) = (half(0), half(1));
         let stuck = first + last <= 64.0 * EPS * self.t.abs();
         let ratio = last / first;
-        if !stuck && !(ratio < SHRINKS) {
+        let shrinks = ratio < SHRINKS;
+        if !stuck && !shrinks {
             return None;
         }
         let left = if stuck { 0.0 } else { last * ratio / (1.0 - ratio) };

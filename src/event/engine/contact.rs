@@ -54,6 +54,8 @@ pub(super) struct SceneRoom {
     /// Contacts without a gap.
     pub(super) touching: Vec<usize>,
     pub(super) closed: Vec<Closed>,
+    /// When the last impact was.
+    pub(super) hit: f64,
     /// Contacts of an impact, with another restitution than that of the model.
     pub(super) list: Vec<(usize, Option<f64>)>,
     /// Contacts whose impacts accumulate, and the time until they end.
@@ -69,6 +71,7 @@ impl SceneRoom {
     /// A run begins.
     pub(super) fn forget(&mut self) {
         self.flights = 0;
+        self.hit = f64::NEG_INFINITY;
         self.left.fill(f64::NEG_INFINITY);
     }
 }
@@ -240,7 +243,8 @@ impl Engine {
         }
         if let w @ Watch::Contact { contact, what: ContactWatch::Speed, .. } = watch {
             let named = |c: &Contacts| c.dynamics.mechanics.contacts[contact].name.clone();
-            let name = self.field.scene().filter(|c| c.dynamics.is_switch(contact)).map(named);
+            let crossed = self.field.active[contact][0] != mode::CLOSED;
+            let name = self.field.scene().filter(|c| crossed && c.dynamics.is_switch(contact)).map(named);
             if let Some(p) = name.and_then(|name| self.scene_accumulates(&w, &name)) {
                 return Ok(p);
             }
@@ -788,10 +792,6 @@ impl Engine {
                 return Ok(false);
             }
             let closed = &self.contact_events.scene.closed;
-            if let Some(text) = self.field.scene().and_then(|c| c.product_at_rest(closed)) {
-                self.fail(Outcome::NoContinuation, text);
-                return Ok(false);
-            }
             let found = self.field.with_contacts(self.t, &self.x, |c, at, _| {
                 let sizes = &c.sizes;
                 let loaded = c.is_at(at);
@@ -814,6 +814,11 @@ impl Engine {
             }
             self.contact_events.scene.struck = true;
             self.log.one_sided = true;
+        }
+        let closed = &self.contact_events.scene.closed;
+        if let Some(text) = self.field.scene().and_then(|c| c.product_at_rest(closed)) {
+            self.fail(Outcome::NoContinuation, text);
+            return Ok(false);
         }
         if self.field.scene().is_some_and(|c| c.dynamics.mechanics.n_switches > 0) {
             let text = "no weights of switches and no contact forces continue the motion: either the sign of a switching function is \
@@ -938,8 +943,8 @@ impl Contacts {
         let name = |i: usize| &self.dynamics.mechanics.contacts[i].name;
         self.dynamics.multiplied(closed).map(|[a, b]| {
             format!(
-                "{} and {} vanish together and multiply each other: what follows is no linear problem, and is not solved in scenes; \
-                 write a sum of terms that switch separately",
+                "{} and {} vanish together and multiply each other, and no signs of them continue the motion: weights of both would be \
+                 no solution of a linear problem, and are not looked for; write a sum of terms that switch separately",
                 name(a),
                 name(b)
             )

@@ -225,6 +225,7 @@ impl Engine {
         let noise = 64.0 * EPS * parts.iter().map(largest).fold(0.0, f64::max);
         for p in parts.iter().filter(|p| largest(p) > noise.max(p.noise)) {
             self.log.stats.impacts += 1;
+            self.contact_events.scene.hit = self.t;
             // a constraint has an impulse because of others
             let (depth, tolerance) = if self.opens(p.contact) { self.depth(p.contact, p.rates[0]) } else { (0.0, 0.0) };
             // whether there is an impact at all is a matter of the tolerances
