@@ -366,10 +366,11 @@ impl Sizes {
     pub(super) fn new(p: &Problem, t: &Transcription, w: &[f64]) -> Sizes {
         let n_c = p.n_contacts();
         let n_q = p.functions.n_q;
+        let n_own = p.functions.n_v - p.functions.n_z;
         let (mut acceleration, mut change) = (0f64, 0f64);
         for e in &t.elements {
             for r in &e.rates {
-                let most = w[r + n_q..r + n_q + p.functions.n_v].iter().fold(0f64, |m, v| m.max(v.abs()));
+                let most = w[r + n_q..r + n_q + n_own].iter().fold(0f64, |m, v| m.max(v.abs()));
                 acceleration = acceleration.max(most / w[e.h].max(f64::MIN_POSITIVE));
             }
             change = change.max(t.largest_speed(p, w));

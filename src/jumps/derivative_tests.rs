@@ -16,15 +16,20 @@ use crate::func::Dims;
 use crate::nlp::Nlp;
 use crate::scene::{Contact, Scene};
 
-/// A driven point above a moving curve with friction and restitution, whose mass depends on where it is; cost and time couple.
-fn problem() -> Problem {
+/// A driven point above a moving curve with friction and restitution, whose mass depends on where it is; cost and time couple. There may be a current that
+/// pushes it, too.
+fn problem(n_z: usize) -> Problem {
     let g = Graph::new();
     let (x, y, vx, vy, u, p, t) = (g.x(0), g.x(1), g.x(2), g.x(3), g.u(0), g.p(0), g.t());
-    let mut scene = Scene::new("test", 2, 2, 1, 1).unwrap();
+    let mut scene = Scene::with_states("test", 2, 2, n_z, 1, 1).unwrap();
+    let current = if n_z > 0 { g.x(4) } else { g.constant(0.0) };
     let mass = x * x * 0.2 + 1.0;
     let zero = g.constant(0.0);
     scene.set_inertia(&[mass.id(), zero.id(), zero.id(), mass.id()]).unwrap();
-    scene.set_force(0, (u - vx * vx * x * 0.2).id()).unwrap();
+    scene.set_force(0, (u - vx * vx * x * 0.2 + current * (x + 3.0)).id()).unwrap();
+    if n_z > 0 {
+        scene.set_state_rate(0, (u - current * current - vx * current + t).id()).unwrap();
+    }
     scene.set_force(1, (p * -9.81 * mass + t.sin()).id()).unwrap();
     let contact = Contact {
         friction: (x * x * 0.1 + 0.4).id(),
@@ -34,7 +39,7 @@ fn problem() -> Problem {
     };
     scene.add_contact(contact).unwrap();
     let system = scene.build(&g).unwrap().system;
-    let dims = Dims { x: 4, u: 1, p: 1 };
+    let dims = Dims { x: 4 + n_z, u: 1, p: 1 };
     let cost = g.function("cost", dims, &[u * u * x + vy * t + x * vx]).unwrap();
     Problem::new(Statement {
         n_fe: vec![1, 2],
@@ -51,18 +56,20 @@ fn problem() -> Problem {
 }
 
 fn track(p: &Problem) -> Track {
+    let nx = p.given().dims.x;
+    let with = |x: [f64; 4]| [&x[..], &[0.7][..nx - 4]].concat();
     let piece = |k: usize| Piece {
         t: 0.3 + 0.6 * k as f64,
         h: 0.6,
         stage: k,
         modes: vec![ContactMode::Open],
-        x0: vec![0.1, 1.0, 0.2, -0.3],
-        xs: vec![0.2, 0.9, 0.3, -0.4, 0.3, 0.8, 0.1, -0.5],
+        x0: with([0.1, 1.0, 0.2, -0.3]),
+        xs: [with([0.2, 0.9, 0.3, -0.4]), with([0.3, 0.8, 0.1, -0.5])].concat(),
         forces: vec![1.0, 0.2, 1.5, -0.1],
         ..Piece::default()
     };
     let pieces = vec![piece(0), piece(1)];
-    Track { tableau: p.given().tableau.clone(), nx: 4, pieces, controls: vec![0.5, -0.4], free: Vec::new() }
+    Track { tableau: p.given().tableau.clone(), nx, pieces, controls: vec![0.5, -0.4], free: Vec::new() }
 }
 
 /// Central differences of values against the Jacobian, and of the gradient of the Lagrangian against the Hessian.
@@ -108,8 +115,13 @@ fn check(t: &mut Transcription) {
 
 #[test]
 fn mode_programs_have_the_derivatives_of_their_values() {
+    for p in [problem(0), problem(1)] {
+        check_modes(&p);
+    }
+}
+
+fn check_modes(p: &Problem) {
     use ContactMode::{Closed, Open, Slides, SlidesBack};
-    let p = problem();
     let phase = |mode, jump: Option<ContactMode>| Phase { modes: vec![mode], jump: jump.map(|j| vec![j]), share: 0.5 };
     let s = Sequence {
         stages: vec![
@@ -119,11 +131,12 @@ fn mode_programs_have_the_derivatives_of_their_values() {
     };
     // and a gap between stage points
     let held = Held { witnesses: vec![Witness { element: 0, contact: 0, share: 0.4 }], ..Held::default() };
-    check(&mut modal::transcribe(&p, &s, &track(&p), &held));
+    check(&mut modal::transcribe(p, &s, &track(p), &held));
 }
 
 #[test]
 fn finite_elements_with_jumps_have_the_derivatives_of_their_values() {
-    let p = problem();
-    check(&mut complementary::transcribe(&p, 2, 0.7, &track(&p)));
+    for p in [problem(0), problem(1)] {
+        check(&mut complementary::transcribe(&p, 2, 0.7, &track(&p)));
+    }
 }

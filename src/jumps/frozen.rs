@@ -56,20 +56,14 @@ struct Scales {
     x: Vec<f64>,
 }
 
-/// The program of a problem, from a guess of its motion; `seen` is a simulation of its controls, `target` a state at which the conditions at
-/// the end hold.
+/// The program of a problem, from a guess of its motion; `seen` is a simulation of its controls.
 ///
 /// # Errors
 /// [`Error::Unsupported`] for what time-freezing cannot express, in the words of the scene, and where nothing is known of the speed at which
 /// contacts close; those of building the system.
-pub(super) fn transcribe(
-    p: &Problem,
-    (guess, seen): (&Track, &Track),
-    target: Option<&[f64]>,
-    sigma: f64,
-) -> Result<Program> {
+pub(super) fn transcribe(p: &Problem, (guess, seen): (&Track, &Track), sigma: f64) -> Result<Program> {
     let g = &p.given;
-    let scales = Scales::new(p, &[guess, seen], target)?;
+    let scales = Scales::new(p, &[guess, seen])?;
     let mut dag = Dag::new();
     let frozen = freeze(p, &mut dag, &scales)?;
     let mut writer = Writer { dag: &mut dag, from: g.wide, to: frozen.model.dims, layout: &frozen.layout };
@@ -247,7 +241,8 @@ fn write_data(p: &Problem, fesd: &mut Fesd, layout: &Layout) -> Result<Bounds> {
 }
 
 impl Scales {
-    fn new(p: &Problem, known: &[&Track], target: Option<&[f64]>) -> Result<Scales> {
+    fn new(p: &Problem, known: &[&Track]) -> Result<Scales> {
+        let target = p.given.target.as_deref();
         let g = &p.given;
         let horizon: f64 = g.durations.iter().sum();
         let (mut speed, mut force, mut x) = (0f64, 0f64, vec![0f64; g.dims.x]);

@@ -42,7 +42,10 @@ pub(super) struct ContactFunctions {
 #[derive(Clone)]
 pub(super) struct SceneFunctions {
     pub(super) n_q: usize,
+    /// Velocities, and behind them the further states of the scene, as velocities of unit inertia that no contact pushes.
     pub(super) n_v: usize,
+    /// These further states.
+    pub(super) n_z: usize,
     /// `N v`, then `f_v`.
     pub(super) smooth: SharedFunction,
     /// `M a`; `a` stands behind the parameters.
@@ -67,7 +70,7 @@ impl SceneFunctions {
                     .into(),
             ));
         }
-        m.check_plain("optimal control")?;
+        m.check_contacts("optimal control")?;
         if let Some(c) = m.contacts.iter().find(|c| c.n_tangents > 1) {
             return Err(Error::Unsupported(format!(
                 "contact {} has friction in space, which optimal control does not know: give it one tangent, or none",
@@ -75,13 +78,22 @@ impl SceneFunctions {
             )));
         }
         let mut dag = Dag::new();
-        let mut make = Maker { dag: &mut dag, n_q: m.n_q, n_v: m.n_v, dims };
+        let mut make = Maker { dag: &mut dag, n_q: m.n_q, n_v: m.n_v, n_z: m.n_z, dims };
         let roots = make.load(&m.smooth)?;
         let plain = m.n_q == m.n_v && (0..m.n_q).all(|i| roots[i] == make.dag.input(Block::X, m.n_q + i));
         let smooth = make.function("equations of motion", dims, &roots)?;
         let momentum = make.momentum(&m.inertia)?;
         let contacts: Vec<ContactFunctions> = m.contacts.iter().map(|c| make.contact(c)).collect::<Result<_>>()?;
-        let mut all = SceneFunctions { n_q: m.n_q, n_v: m.n_v, smooth, momentum, contacts, knows_time: false, plain };
+        let mut all = SceneFunctions {
+            n_q: m.n_q,
+            n_v: m.n_v + m.n_z,
+            n_z: m.n_z,
+            smooth,
+            momentum,
+            contacts,
+            knows_time: false,
+            plain,
+        };
         let knows_time = all.iter().any(|f| !f.jac_pattern().rows(f.dims().t_col()).is_empty());
         all.knows_time = knows_time;
         Ok(all)
@@ -101,6 +113,7 @@ struct Maker<'a> {
     dag: &'a mut Dag,
     n_q: usize,
     n_v: usize,
+    n_z: usize,
     dims: Dims,
 }
 
@@ -120,8 +133,8 @@ impl Maker<'_> {
 
     fn momentum(&mut self, inertia: &Inertia) -> Result<SharedFunction> {
         let (n, first) = (self.n_v, self.dims.p);
-        let dims = Dims { p: first + n, ..self.dims };
-        let outputs = match inertia {
+        let dims = Dims { p: first + n + self.n_z, ..self.dims };
+        let mut outputs = match inertia {
             Inertia::Varying { product, .. } => self.load(product)?,
             Inertia::Identity => (0..n).map(|i| self.dag.input(Block::P, first + i)).collect(),
             Inertia::Constant(m) => {
@@ -138,17 +151,27 @@ impl Maker<'_> {
                 out
             }
         };
+        outputs.extend((n..n + self.n_z).map(|i| self.dag.input(Block::P, first + i)));
         self.function("momentum", dims, &outputs)
     }
 
     fn contact(&mut self, c: &crate::system::Contact) -> Result<ContactFunctions> {
-        let (n_v, dims, name) = (self.n_v, self.dims, &c.name);
+        let (own, dims, name) = (self.n_v, self.dims, &c.name);
+        let n_v = own + self.n_z;
         let forces = Dims { p: dims.p + n_v + 1 + c.n_tangents, ..dims };
         let gap = self.load(&c.gap)?;
         let motion = self.load(&c.motion)?;
         let reaction = self.load(&c.reaction)?;
+        // rates of the further states stand between accelerations and forces
+        let n_z = self.n_z;
+        let reaction = self.dag.renumber(&reaction, &|block, i| match block {
+            Block::P if i >= dims.p + own => i + n_z,
+            _ => i,
+        });
+        let mut push = reaction[..own].to_vec();
+        push.resize(n_v, self.dag.constant(0.0));
         let (friction, e) = (motion[1], motion[2]);
-        let slide = (c.n_tangents > 0).then(|| motion[3 + n_v]);
+        let slide = (c.n_tangents > 0).then(|| motion[3 + own]);
         let lambda = self.dag.input(Block::P, dims.p + n_v);
         let cone = if c.n_tangents > 0 {
             let tau = self.dag.input(Block::P, dims.p + n_v + 1);
@@ -181,8 +204,8 @@ impl Maker<'_> {
                 Some(s) => Some(self.function(&format!("sliding velocity of {name}"), dims, &[s])?),
                 None => None,
             },
-            push: self.function(&format!("force of {name}"), forces, &reaction[..n_v])?,
-            accelerate: self.function(&format!("acceleration of {name}"), forces, &reaction[n_v..])?,
+            push: self.function(&format!("force of {name}"), forces, &push)?,
+            accelerate: self.function(&format!("acceleration of {name}"), forces, &reaction[own..])?,
             cone,
             shift: self.function(&format!("normal of {name}"), Dims { p: dims.p + 1, ..dims }, &shift)?,
             restitution: self.function(&format!("coefficient of restitution of {name}"), dims, &[e])?,

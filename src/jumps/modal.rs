@@ -137,7 +137,7 @@ pub(super) fn can_begin(p: &Problem, s: &Sequence) -> bool {
     let Some(first) = s.stages.first().and_then(|stage| stage.first()) else { return false };
     let u = vec![0.0; g.dims.u];
     let at = Point { t: g.t0, x: x0, u: &u, p: &g.params[..g.dims.p] };
-    let sizes = scales::of_states(p, x0, None);
+    let sizes = scales::of_states(p, x0);
     let value = |f: &SharedFunction| {
         let mut out = [f64::NAN];
         f.value(&at, &mut out, &mut vec![0.0; f.work_len()]).map_or(f64::NAN, |()| out[0])

@@ -48,8 +48,6 @@ pub struct Options {
     pub x0: Vec<f64>,
     /// Times and states to start from, where they are given.
     pub states: Option<(Vec<f64>, Vec<f64>)>,
-    /// A state at which the conditions at the end hold, where there is one.
-    pub target: Option<Vec<f64>>,
     /// A mode sequence to start from.
     pub sequence: Option<Sequence>,
     /// An answer to a problem nearby, whose modes are tried first.

@@ -54,6 +54,8 @@ pub struct Statement {
     pub params: Vec<f64>,
     /// Bounds of the parameters that are variables, of all `wide.p`.
     pub free: Vec<Option<[f64; 2]>>,
+    /// A state at which the conditions at the end hold, where there is one: it says how large states are, and where they are to go.
+    pub target: Option<Vec<f64>>,
 }
 
 #[cfg(test)]
@@ -82,6 +84,7 @@ impl Statement {
             u_bounds: free(dims.u),
             params: Vec::new(),
             free: Vec::new(),
+            target: None,
         }
     }
 }
@@ -161,7 +164,7 @@ impl Problem {
     pub fn with_room(&self) -> Problem {
         let mut given = self.given.clone();
         let x0 = middles(&given.x0_bounds);
-        let sizes = scales::of_states(self, &x0, None);
+        let sizes = scales::of_states(self, &x0);
         let zeros = vec![0.0; given.wide.u];
         let ends = [&x0[..], &x0].concat();
         let room = |f: &SharedFunction, x: &[f64]| -> Vec<f64> {
@@ -221,13 +224,13 @@ impl Problem {
 
     /// Sizes of the gaps of all contacts at a point, an initial state: what states of their sizes make of them.
     pub fn sizes_of_gaps(&self, at: &Point) -> Vec<f64> {
-        let sizes = scales::of_states(self, at.x, None);
+        let sizes = scales::of_states(self, at.x);
         self.functions.contacts.iter().map(|c| scales::of_value(&c.gap, at, &sizes)).collect()
     }
 
     /// The largest size of a state, with an initial state.
     pub fn largest_size(&self, x0: &[f64]) -> f64 {
-        scales::of_states(self, x0, None).into_iter().fold(0.0, f64::max)
+        scales::of_states(self, x0).into_iter().fold(0.0, f64::max)
     }
 
     /// Gaps of all contacts at a point, with their names; NaN where a gap has no value.

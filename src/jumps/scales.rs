@@ -20,14 +20,16 @@ const ROUNDING: f64 = 1e-12;
 /// state of which these say nothing has the size of the largest of its kind; coordinates of which nothing is known have that of the largest gap at the
 /// start, velocities cross the largest coordinate in the horizon. Bounds say how large a state may be, not how large it is, and are often generous: they count up to ten times
 /// what its kind has without them. Where nothing at all has a size, there is no unit to be independent of, and they are 1.
-pub(super) fn of_states(p: &Problem, x0: &[f64], target: Option<&[f64]>) -> Vec<f64> {
+pub(super) fn of_states(p: &Problem, x0: &[f64]) -> Vec<f64> {
     let g = &p.given;
     let n_q = p.functions.n_q;
+    // behind them every state is of its own kind
+    let mechanical = g.dims.x - p.functions.n_z;
     let largest = |x: &[f64]| x.iter().copied().fold(0.0, f64::max);
     let beyond = |v: f64, least: f64| if v > least { v } else { 0.0 };
-    let value = |i: usize| target.map_or(x0[i].abs(), |t| x0[i].abs().max(t[i].abs()));
+    let value = |i: usize| g.target.as_ref().map_or(x0[i].abs(), |t| x0[i].abs().max(t[i].abs()));
     let mut known: Vec<f64> = (0..g.dims.x).map(|i| beyond(value(i), NEXT_TO_ZERO * p.reach[i])).collect();
-    let (coordinates, velocities) = known.split_at_mut(n_q);
+    let (coordinates, velocities) = known[..mechanical].split_at_mut(n_q);
     for kind in [coordinates, velocities] {
         let least = ROUNDING * largest(kind);
         kind.iter_mut().for_each(|v| *v = beyond(*v, least));
@@ -42,19 +44,53 @@ pub(super) fn of_states(p: &Problem, x0: &[f64], target: Option<&[f64]>) -> Vec<
         beyond(gap.1.abs(), NEXT_TO_ZERO * of_value(&f.gap, &at, &p.reach))
     };
     let gap = p.gaps(&at).into_iter().zip(&p.functions.contacts).map(own).filter(|g| g.is_finite()).fold(0.0, f64::max);
-    let (q, v) = (largest(&known[..n_q]), largest(&known[n_q..]));
-    let of_bounds = [largest(&bounds[..n_q]), largest(&bounds[n_q..]) * horizon];
+    let (q, v) = (largest(&known[..n_q]), largest(&known[n_q..mechanical]));
+    let of_bounds = [largest(&bounds[..n_q]), largest(&bounds[n_q..mechanical]) * horizon];
     let ways = [q, gap, v * horizon].into_iter().chain(of_bounds);
     let way = ways.into_iter().find(|w| *w > 0.0).unwrap_or(1.0);
     let speed = if v > 0.0 { v } else { way / horizon };
     let size = |i: usize| {
-        let usual = if i < n_q { way } else { speed };
+        let usual = match i {
+            _ if i < n_q => way,
+            _ if i < mechanical => speed,
+            _ if known[i] > 0.0 => known[i],
+            _ => bounds[i],
+        };
         match (known[i], bounds[i].min(BOUNDED * usual)) {
             (0.0, 0.0) => usual,
             (known, bound) => known.max(bound),
         }
     };
-    (0..g.dims.x).map(size).collect()
+    let mut sizes: Vec<f64> = (0..g.dims.x).map(size).collect();
+    size_further_states(p, &at, &mut sizes);
+    sizes
+}
+
+/// Gives further states of which nothing is known, whose sizes are zero, those with which they make the usual rates of what they act on: forces that bring
+/// velocities to their sizes in the horizon, rates of other such states. Those that act on nothing have 1.
+fn size_further_states(p: &Problem, at: &Point, sizes: &mut [f64]) {
+    let (f, dims) = (&p.functions, p.given.dims);
+    let first = dims.x - f.n_z;
+    let horizon: f64 = p.given.durations.iter().sum();
+    let pattern = f.smooth.jac_pattern();
+    let mut jac = vec![0.0; pattern.nnz()];
+    let mut momenta = vec![0.0; f.n_v];
+    let speeds = [at.p, &sizes[f.n_q..]].concat();
+    let work = &mut vec![0.0; f.smooth.work_len().max(f.momentum.work_len())];
+    let is_known = f.smooth.jacobian(at, &mut jac, work).is_ok()
+        && f.momentum.value(&Point { p: &speeds, ..*at }, &mut momenta, work).is_ok();
+    for _ in 0..if is_known { f.n_z } else { 0 } {
+        for z in first..dims.x {
+            let acts = pattern.rows(z).iter().zip(&jac[pattern.range(z)]).filter(|(k, _)| **k >= f.n_q && **k != z);
+            let usual = |k: usize| if k < first { momenta[k - f.n_q].abs() } else { sizes[k] };
+            let by = acts.map(|(k, slope)| usual(*k) / (horizon * slope.abs()));
+            let least = by.filter(|s| *s > 0.0 && s.is_finite()).fold(f64::INFINITY, f64::min);
+            if sizes[z] == 0.0 && least.is_finite() {
+                sizes[z] = least;
+            }
+        }
+    }
+    sizes[first..].iter_mut().filter(|s| **s == 0.0).for_each(|s| *s = 1.0);
 }
 
 /// Size of the value of a function of one output: what states of their sizes make of it to first order, at a point. Gaps need not be lengths, nor
@@ -83,7 +119,7 @@ pub(super) fn of_motion(p: &Problem, x0: &[f64], pieces: &[Piece]) -> Vec<f64> {
     for x in states.chain([x0]) {
         sizes.iter_mut().zip(x).for_each(|(size, v)| *size = size.max(v.abs()));
     }
-    let known = of_states(p, x0, None);
+    let known = of_states(p, x0);
     for ((size, known), reach) in sizes.iter_mut().zip(known).zip(&p.reach) {
         if *size <= (ROUNDING * known).max(NEXT_TO_ZERO * reach) {
             *size = known;
@@ -138,9 +174,10 @@ impl Units {
         let f = &p.functions;
         let (n_q, n_v) = (f.n_q, f.n_v);
         let x0 = &middles(&g.x0_bounds)[..];
-        let mut sizes = of_states(p, x0, None);
+        let mut sizes = of_states(p, x0);
         let horizon: f64 = g.durations.iter().sum();
-        if n_q == n_v {
+        let n_own = n_v - f.n_z;
+        if n_q == n_own {
             (0..n_q).for_each(|i| sizes[n_q + i] = sizes[n_q + i].max(sizes[i] / horizon));
         }
         let zeros = vec![0.0; g.wide.u + n_v];
@@ -153,7 +190,7 @@ impl Units {
             let at = Point { p: &with_speeds, ..at };
             f.momentum.value(&at, &mut out, &mut vec![0.0; f.momentum.work_len()]).map_or_else(|_| Vec::new(), |()| out)
         };
-        let energy: f64 = momentum.iter().zip(speeds).map(|(m, v)| (m * v).abs()).sum();
+        let energy: f64 = momentum.iter().zip(speeds).take(n_own).map(|(m, v)| (m * v).abs()).sum();
         let contacts = f.contacts.iter().map(|c| {
             let (gap, rate) = (of_value(&c.gap, &at, &sizes), of_value(&c.rate, &at, &sizes));
             let slide = c.slide.as_ref().map_or(rate, |s| of_value(s, &at, &sizes));
@@ -207,7 +244,7 @@ mod tests {
         let sizes = |height: f64, most: [f64; 4]| {
             let x_bounds = [most.map(|v| -v).to_vec(), most.to_vec()];
             let p = Problem::new(Statement { x_bounds, ..ball_from(height) }).unwrap();
-            of_states(&p, &p.given().x0_bounds[0], None)
+            of_states(&p, &p.given().x0_bounds[0])
         };
         // it falls from 1 in 2 s
         assert_eq!(sizes(1.0, FREE), [1.0, 1.0, 0.5, 0.5]);
@@ -223,7 +260,7 @@ mod tests {
     fn a_start_next_to_zero_is_one_at_zero() {
         let sizes = |height: f64| {
             let p = Problem::new(ball_from(height)).unwrap();
-            of_states(&p, &p.given().x0_bounds[0], None)
+            of_states(&p, &p.given().x0_bounds[0])
         };
         let at_zero = sizes(0.0);
         for height in [1e-17, -1e-15, 1e-9, 1e-6] {

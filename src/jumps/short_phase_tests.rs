@@ -37,7 +37,6 @@ fn orders_without_a_solution_are_tried_without_their_short_phases() {
         controls: vec![0.0],
         x0,
         states: None,
-        target: None,
         sequence: None,
         warm: None,
     };

@@ -311,7 +311,7 @@ impl<'a> Range<'a> {
         let ends: usize = g.terminal.iter().map(|c| c.f.n_out()).chain(g.boundary.iter().map(|c| c.f.n_out())).sum();
         let least = (PER_CONDITION * ends).div_ceil(g.dims.u.max(1));
         let stretches = stretches.max(least).min(p.n_stages());
-        let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
+        let sizes = scales::of_states(p, &o.x0);
         let mut range = Range {
             p,
             o,
@@ -374,7 +374,7 @@ impl<'a> Range<'a> {
         let sizes = self.sizes.clone();
         let share = |(k, (a, b)): (usize, (&f64, &f64))| ((a - b) / sizes[k]).powi(2);
         let distance = |a: &[f64], b: &[f64]| a.iter().zip(b).enumerate().map(share).sum::<f64>().sqrt();
-        let wanted = o.target.as_ref().map_or(1.0, |target| distance(&target[..n_q], &from));
+        let wanted = self.p.given.target.as_ref().map_or(1.0, |target| distance(&target[..n_q], &from));
         for (j, reach) in out.iter_mut().enumerate().filter(|(j, _)| bounds(*j).iter().any(|b| b.is_infinite())) {
             if *reach == 0.0 {
                 *reach = FIRST_TRIAL;
@@ -734,7 +734,7 @@ pub enum Of {
 
 /// A simulation of the controls of an answer that is no solution.
 pub(super) fn simulation(p: &Problem, o: &Options, a: &Answer) -> Option<Simulated> {
-    let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
+    let sizes = scales::of_states(p, &o.x0);
     simulate_with(p, Filled::of_answer(p, a).inputs(), Effort { sizes: &sizes, max_events: MAX_EVENTS, ..EFFORT }).ok()
 }
 
@@ -742,7 +742,7 @@ pub(super) fn simulation(p: &Problem, o: &Options, a: &Answer) -> Option<Simulat
 /// where a simulation meets all constraints or does not reach the end.
 pub(super) fn missed(p: &Problem, o: &Options, a: &Answer, s: &Simulated) -> Option<Missed> {
     let f = Filled::of_answer(p, a);
-    let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
+    let sizes = scales::of_states(p, &o.x0);
     (s.times.len() == p.n_stages() + 1).then_some(())?;
     let mut worst: Option<(f64, Missed)> = None;
     let mut note = |of: Of, value: f64, [l, u]: [f64; 2], size: f64| {

@@ -62,7 +62,7 @@ pub(super) struct Ends {
 
 /// Simulates controls `[n_stages · wide.u]` over stages of lengths `durations`.
 pub(super) fn simulate(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f64]) -> Result<Simulated> {
-    let sizes = scales::of_states(p, x0, None);
+    let sizes = scales::of_states(p, x0);
     let effort = Effort { sizes: &sizes, ..GUESS };
     simulate_with(p, Inputs { x0, controls, durations, params: &p.given.params }, effort)
 }
@@ -253,7 +253,7 @@ impl Simulated {
         if f.value(&at, &mut s, &mut vec![0.0; f.work_len()]).is_err() {
             return ContactMode::Closed;
         }
-        let size = piece.x0[p.functions.n_q..].iter().fold(0f64, |m, v| m.max(v.abs()));
+        let size = piece.x0[p.functions.n_q..piece.x0.len() - p.functions.n_z].iter().fold(0f64, |m, v| m.max(v.abs()));
         if s[0].abs() <= 1e-9 * size {
             ContactMode::Closed
         } else if s[0] > 0.0 {

@@ -334,7 +334,7 @@ impl<'a> Sources<'a> {
                 let seen = simulate(p, &o.x0, &o.controls, durations)?.track(p, &o.controls, durations)?;
                 let coarse = p.with_one_stage_point()?;
                 let (guess, sigma) = (self.plain_track(states.as_ref()), FROZEN_SIGMA * wide);
-                let t = frozen::transcribe(&coarse, (&guess, &seen), o.target.as_deref(), sigma)?;
+                let t = frozen::transcribe(&coarse, (&guess, &seen), sigma)?;
                 self.freezing = Some(t.report.clone());
                 let kind = Kind::Freezing { coarse, t };
                 Relaxed::new(kind, o.solver, sigma, &FROZEN_STOPS, FROZEN_ITERATIONS).map(Some)
@@ -397,7 +397,7 @@ impl<'a> Sources<'a> {
     /// A straight line from the initial state to the target, where that is known and nothing else was given.
     fn line(&self) -> States {
         let o = self.options;
-        let target = o.target.as_ref().filter(|_| o.states.is_none())?;
+        let target = self.p.given.target.as_ref().filter(|_| o.states.is_none())?;
         Some((vec![0.0, self.p.given.durations.iter().sum()], [&o.x0[..], &target[..]].concat()))
     }
 }

@@ -245,7 +245,7 @@ impl Ocp {
         system.validate()?;
         system.check_transitions_are_followed()?;
         system.check_modes_known()?;
-        system.mechanics().map_or(Ok(()), |m| m.check_plain("optimal control"))?;
+        system.mechanics().map_or(Ok(()), |m| m.check_contacts("optimal control"))?;
         settings.validate()?;
         check_positive("the horizon", horizon)?;
         if n_stages == 0 {

@@ -187,8 +187,8 @@ impl Ocp {
     fn scene_problem(&self, e: &Extended, request: &Request) -> Result<Problem> {
         if self.linear.contains(&true) {
             return Err(Error::Unsupported(
-                "controls of scenes are constant on every stage: linear ones would be states that nothing jumps with; make \
-                 the rate a control and the control a coordinate"
+                "controls of scenes are constant on every stage: make the rate a control, and the control a state of the scene \
+                 beside coordinates and velocities"
                     .into(),
             ));
         }
@@ -236,6 +236,7 @@ impl Ocp {
             ],
             params: self.extended_params(e),
             free,
+            target: self.target(),
         })
     }
 
@@ -269,7 +270,6 @@ impl Ocp {
             controls,
             x0: self.initial_guess_state(),
             states: self.x_guess.clone(),
-            target: self.target(),
             sequence: self.scene.sequence.clone().filter(|s| s.stages.len() == p.n_stages()),
             warm: if start == Start::Warm { self.scene.last.as_ref().map(|l| l.answer.clone()) } else { None },
         }

@@ -245,8 +245,8 @@ impl Mechanics {
         inertia || self.smooth.is_serial() || self.contacts.iter().any(contact)
     }
 
-    /// An error where there is more than contacts that close, push and slide under one coefficient of friction, for those who cannot
-    /// follow that.
+    /// An error where there is more than coordinates, velocities, and contacts that close, push and slide under one coefficient of friction, for
+    /// those who cannot follow that.
     pub(crate) fn check_plain(&self, who: &str) -> Result<()> {
         if self.n_z > 0 {
             return Err(Error::Unsupported(format!(
@@ -255,6 +255,11 @@ impl Mechanics {
                 self.n_z
             )));
         }
+        self.check_contacts(who)
+    }
+
+    /// The same, but for states beside coordinates and velocities.
+    pub(crate) fn check_contacts(&self, who: &str) -> Result<()> {
         for c in &self.contacts {
             let what = match c.kind {
                 Kind::Unilateral if c.stiction => "sticks by another friction than it slides with",

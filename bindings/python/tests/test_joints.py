@@ -217,7 +217,7 @@ def test_states_are_refused_where_they_do_not_belong():
         s.simulate([0.0], [0.0], 1.0, u=[2.0])
     with pytest.raises(swb.DimensionError, match="shape"):
         s.state_rates([0.0, 1.0])
-    with pytest.raises(swb.UnsupportedError, match="beside coordinates and velocities"):
+    with pytest.raises(swb.UnsupportedError, match="is dry friction at a joint"):
         swb.Ocp(s, 1.0, 4)
     s.constraint("wrong", s.q[0] - s.current)
     with pytest.raises(swb.RangeError, match="depends on states beside"):
