@@ -8381,7 +8381,7 @@ swb_status swb_ocp_get_optimality_reason(const struct swb_ocp *ocp,
 
 /**
  * Create an optimal control problem of a scene that is built; as swb_ocp_create with the system of the scene. Its states are
- * coordinates, then velocities; horizon, control grid and costs are in physical time.
+ * coordinates, then velocities, then what else it has; horizon, control grid and costs are in physical time.
  *
  * @param[in]  scene    copied; may be freed afterwards
  * @param[in]  horizon  duration

@@ -6638,7 +6638,7 @@ swb_ocp_get_optimality_reason(ocp, buf, len, needed) =
     swb_ocp_create_scene(scene, horizon, n_stages, settings, out) -> swb_status
 
 Create an optimal control problem of a scene that is built; as swb_ocp_create with the system of the scene. Its states are
-coordinates, then velocities; horizon, control grid and costs are in physical time.
+coordinates, then velocities, then what else it has; horizon, control grid and costs are in physical time.
 
 @param[in]  scene    copied; may be freed afterwards
 @param[in]  horizon  duration
