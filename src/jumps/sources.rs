@@ -56,9 +56,9 @@ enum Begin {
 }
 
 enum Kind {
-    Steps { coarse: Problem, t: Transcription, n: usize },
-    Jumps(Transcription),
-    Freezing { coarse: Problem, t: frozen::Program },
+    Steps { coarse: Problem, t: Box<Transcription>, n: usize },
+    Jumps(Box<Transcription>),
+    Freezing { coarse: Problem, t: Box<frozen::Program> },
 }
 
 /// A relaxed program that is followed from stop to stop of its relaxation, each from the point before; at every stop motions are read off it.
@@ -309,12 +309,12 @@ impl<'a> Sources<'a> {
         let wide = o.solver.sigma_init;
         let steps = |guess: &Track, n: usize, sigma: f64| -> Result<Option<Relaxed>> {
             let coarse = p.with_one_stage_point()?;
-            let t = stepping::transcribe(&coarse, n, guess);
+            let t = Box::new(stepping::transcribe(&coarse, n, guess));
             let kind = Kind::Steps { coarse, t, n };
             Relaxed::new(kind, o.solver, sigma, &STEPPING_STOPS, STEPPING_ITERATIONS).map(Some)
         };
         let jumps = |guess: &Track, sigma: f64| -> Result<Option<Relaxed>> {
-            let kind = Kind::Jumps(complementary::transcribe(p, o.n_fe, o.rho_h, guess));
+            let kind = Kind::Jumps(Box::new(complementary::transcribe(p, o.n_fe, o.rho_h, guess)));
             Relaxed::new(kind, o.solver, sigma, &STOPS, COMPLEMENTARY_ITERATIONS).map(Some)
         };
         match begin {
@@ -334,7 +334,7 @@ impl<'a> Sources<'a> {
                 let seen = simulate(p, &o.x0, &o.controls, durations)?.track(p, &o.controls, durations)?;
                 let coarse = p.with_one_stage_point()?;
                 let (guess, sigma) = (self.plain_track(states.as_ref()), FROZEN_SIGMA * wide);
-                let t = frozen::transcribe(&coarse, (&guess, &seen), sigma)?;
+                let t = Box::new(frozen::transcribe(&coarse, (&guess, &seen), sigma)?);
                 self.freezing = Some(t.report.clone());
                 let kind = Kind::Freezing { coarse, t };
                 Relaxed::new(kind, o.solver, sigma, &FROZEN_STOPS, FROZEN_ITERATIONS).map(Some)

@@ -153,7 +153,7 @@ impl EarlyTermination {
         }
         let (cost, since) = self.gained.unwrap_or((f64::INFINITY, 0));
         let holds = i.inf_pr <= FEASIBLE;
-        let has_gained = holds && !(i.objective >= cost - self.patience.gain * cost.abs());
+        let has_gained = holds && (cost.is_infinite() || i.objective < cost - self.patience.gain * cost.abs());
         self.gained = Some(if has_gained { (i.objective, 0) } else { (cost, since + 1) });
         let most = CLOSE_PATIENCE.saturating_mul(self.patience.iterations);
         self.patience.gain > 0.0 && since > most && i.inf_pr <= self.tolerance

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import switchback_control as swb
 
 INGREDIENTS = ("contact", "dry joint", "constraint", "further state", "switch", "transition", "clock")
-DOCS = pathlib.Path(swb.__file__).resolve().parents[4] / "docs"
+DOCS = pathlib.Path(__file__).resolve().parents[3] / "docs"
 WALL, MARK, STRIKE, PERIOD, END = 1.0, 0.45, 0.3, 0.5, 2.05
 START = [0.0, 1.5]
 #     drive  F    k    v_ref  e    voltage
