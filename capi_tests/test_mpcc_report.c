@@ -394,7 +394,7 @@ static void infeasible(void)
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_get_name(mpcc, SWB_ITEM_PAIR, 0, name, 3, NULL));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_set_name(mpcc, SWB_ITEM_PAIR, 1, "x"));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_set_name(mpcc, SWB_ITEM_VARIABLE, -1, "x"));
-    CHECK_STATUS(SWB_ERR_RANGE, swb_mpcc_set_name(mpcc, 3, 0, "x"));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_mpcc_set_name(mpcc, 4, 0, "x"));
     CHECK_STATUS(SWB_ERR_RANGE, swb_mpcc_set_name(mpcc, SWB_ITEM_PAIR, 0, "\xff"));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_mpcc_set_names(mpcc, SWB_ITEM_VARIABLE, names, 2));
     CHECK_STATUS(SWB_ERR_NULL, swb_mpcc_set_names(mpcc, SWB_ITEM_VARIABLE, NULL, 3));
