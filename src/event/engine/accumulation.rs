@@ -354,6 +354,13 @@ pub(super) fn rest_of_series(gaps: &[f64; MEMORY]) -> Option<f64> {
     (whole < SHRINKS && last < SHRINKS && last <= LARGER * earlier).then(|| new * whole / (1.0 - whole))
 }
 
+/// The same where the last half of the intervals is shorter than the first.
+fn rest_by_halves(gaps: &[f64; MEMORY]) -> Option<f64> {
+    let half = |i: usize| gaps[i * MEMORY / 2..(i + 1) * MEMORY / 2].iter().sum::<f64>();
+    let ratio = half(1) / half(0);
+    (ratio < SHRINKS).then(|| half(1) * ratio / (1.0 - ratio))
+}
+
 impl Engine {
     /// What is watched, as a source of switches: by indicator, then by cell.
     pub(super) fn source(&self, w: &Watch) -> usize {
@@ -490,6 +497,19 @@ impl Engine {
         self.functions.zero == all
     }
 
+    /// Has time not moved since then, but for rounding?
+    fn is_stuck_since(&self, from: f64) -> bool {
+        self.t - from <= 64.0 * EPS * self.t.abs()
+    }
+
+    /// Does a state move by what the tolerances see, at its present rate for so long?
+    fn moves_within(&self, left: f64) -> bool {
+        (0..self.nx).any(|i| {
+            let tol = self.atol[i] + self.rtol[i] * self.x[i].abs();
+            self.f[i].abs() * left > 1e-2 * tol.max(4.0 * EPS * self.x[i].abs())
+        })
+    }
+
     /// Does a switch of a scene, that of watch `w`, which is crossed, accumulate at the present point, so that nothing moves any more as far as
     /// the tolerances see? Then the run ends: which mode follows is not looked for there. Crossings between impacts or transitions accumulate
     /// with these, which go on by rules of their own.
@@ -500,20 +520,8 @@ impl Engine {
         if self.contact_events.scene.hit >= from || self.jumped_since(from) {
             return None;
         }
-        let half = |i: usize| gaps[i * MEMORY / 2..(i + 1) * MEMORY / 2].iter().sum::<f64>();
-        let (first, last) = (half(0), half(1));
-        let stuck = first + last <= 64.0 * EPS * self.t.abs();
-        let ratio = last / first;
-        let shrinks = ratio < SHRINKS;
-        if !stuck && !shrinks {
-            return None;
-        }
-        let left = if stuck { 0.0 } else { last * ratio / (1.0 - ratio) };
-        let moves = |i: usize| {
-            let tolerance = self.atol[i] + self.rtol[i] * self.x[i].abs();
-            self.f[i].abs() * left > 1e-2 * tolerance.max(4.0 * EPS * self.x[i].abs())
-        };
-        if (0..self.nx).any(moves) {
+        let left = if self.is_stuck_since(from) { 0.0 } else { rest_by_halves(&gaps)? };
+        if self.moves_within(left) {
             return None;
         }
         self.log.stats.accumulations += 1;
@@ -532,24 +540,17 @@ impl Engine {
         }
         let history = self.calendar.recent.of_last();
         let Some((gaps, from)) = history.gaps().zip(self.since()) else { return Ok(None) };
-        let stuck = self.t - from <= 64.0 * EPS * self.t.abs();
+        let stuck = self.is_stuck_since(from);
         let jumps = self.jumped_since(from);
         let left = match stuck {
             true => Some(0.0),
             // independent guards fire as they like; what slides does not
             false if jumps => rest_of_series(&gaps),
-            false => {
-                let half = |i: usize| gaps[i * MEMORY / 2..(i + 1) * MEMORY / 2].iter().sum::<f64>();
-                let ratio = half(1) / half(0);
-                (ratio < SHRINKS).then(|| half(1) * ratio / (1.0 - ratio))
-            }
+            false => rest_by_halves(&gaps),
         };
         let Some(left) = left else { return Ok(None) };
-        for i in 0..self.nx {
-            let tol = self.atol[i] + self.rtol[i] * self.x[i].abs();
-            if self.f[i].abs() * left > 1e-2 * tol.max(4.0 * EPS * self.x[i].abs()) && !stuck {
-                return Ok(None);
-            }
+        if !stuck && self.moves_within(left) {
+            return Ok(None);
         }
         let loosest = self.rtol.iter().fold(1e-14f64, |m, v| m.max(*v));
         if left > 1e-2 * loosest * self.t.abs() && !stuck {

@@ -113,18 +113,7 @@ impl Engine {
         if self.notes.is_some() {
             self.note_start()?;
         }
-        // transitions that the last call has left happen at a time of their own, while data change at this one
-        self.log.one_sided |= std::mem::take(&mut self.unmade);
-        if !recover(self.make_held().map(|()| true), false)? {
-            self.fail(Outcome::NoContinuation, "the scene is not defined behind a transition".into());
-        }
-        if self.log.outcome != Outcome::Reached {
-            return Ok(());
-        }
-        self.restart = false;
-        self.stepper.err_before = 1e-4;
-        self.stepper.h = self.initial_step(t_stop - self.t)?;
-        Ok(())
+        self.start_off(t_stop, "scene")
     }
 
     /// Says what is wrong with a scene at its start.
@@ -250,8 +239,8 @@ impl Engine {
             }
         }
         // guards that vanish here too, or are beyond zero behind an impact
-        if !recover(self.make_held().map(|()| true), false)? {
-            return Ok(self.fail(Outcome::NoContinuation, "the scene is not defined behind a transition".into()));
+        if let Some(p) = self.make_what_holds("scene")? {
+            return Ok(p);
         }
         // behind an impact everything may happen soon again
         self.stepper.h = grown;

@@ -210,10 +210,29 @@ impl Engine {
     /// Makes the transitions that the last call has left, see [`Engine::make`].
     pub(super) fn make_rest(&mut self) -> Result<Progress> {
         self.unmade = false;
-        if !recover(self.make_held().map(|()| true), false)? {
-            return Ok(self.fail(Outcome::NoContinuation, "the system is not defined behind a transition".into()));
+        Ok(self.make_what_holds("system")?.unwrap_or(Progress::Switched))
+    }
+
+    /// Makes the transitions that hold. Where `what` is not defined behind one of them the run ends, and it says how.
+    pub(super) fn make_what_holds(&mut self, what: &str) -> Result<Option<Progress>> {
+        if recover(self.make_held().map(|()| true), false)? {
+            return Ok(None);
         }
-        Ok(Progress::Switched)
+        Ok(Some(self.fail(Outcome::NoContinuation, format!("the {what} is not defined behind a transition"))))
+    }
+
+    /// Makes the transitions that hold at a start, and chooses the first step where they do not end the run.
+    pub(super) fn start_off(&mut self, t_stop: f64, what: &str) -> Result<()> {
+        // transitions that the last call has left happen at a time of their own, while data change at this one
+        self.log.one_sided |= std::mem::take(&mut self.unmade);
+        self.make_what_holds(what)?;
+        if self.log.outcome != Outcome::Reached {
+            return Ok(());
+        }
+        self.restart = false;
+        self.stepper.err_before = 1e-4;
+        self.stepper.h = self.initial_step(t_stop - self.t)?;
+        Ok(())
     }
 
     /// Makes transition `guard`, and those that hold behind it. The velocity is that before. There may be many of them: a call that is to end

@@ -41,18 +41,7 @@ impl Engine {
             self.note_start()?;
         }
         self.derivatives.time_row.fill(0.0);
-        // transitions that the last call has left happen at a time of their own, while data change at this one
-        self.log.one_sided |= std::mem::take(&mut self.unmade);
-        if !recover(self.make_held().map(|()| true), false)? {
-            self.fail(Outcome::NoContinuation, "the system is not defined behind a transition".into());
-        }
-        if self.log.outcome != Outcome::Reached {
-            return Ok(());
-        }
-        self.restart = false;
-        self.stepper.err_before = 1e-4;
-        self.stepper.h = self.initial_step(t_stop - self.t)?;
-        Ok(())
+        self.start_off(t_stop, "system")
     }
 
     pub(super) fn begin_inner(&mut self, first: bool) -> std::result::Result<bool, EvalError> {
