@@ -281,14 +281,19 @@ impl Dynamics {
         self.mechanics.contacts[i].kind == Kind::Switch
     }
 
+    /// The first of the switches, which are the last contacts.
+    pub(super) fn first_switch(&self) -> usize {
+        self.n_contacts() - self.weights.len()
+    }
+
     /// Number of contact `i` among the switches, if it is one.
     pub(super) fn switch(&self, i: usize) -> Option<usize> {
-        i.checked_sub(self.n_contacts() - self.weights.len())
+        i.checked_sub(self.first_switch())
     }
 
     /// Gives the switches the weights of these modes.
     pub(super) fn weigh(&mut self, modes: &[Vec<usize>]) {
-        let first = self.n_contacts() - self.weights.len();
+        let first = self.first_switch();
         for (w, set) in self.weights.iter_mut().zip(&modes[first..]) {
             *w = match set[0] {
                 mode::SLIDES => 1.0,
@@ -409,14 +414,19 @@ impl Dynamics {
 
     /// Everything of contact `i` but its gap.
     pub(crate) fn load_contact(&mut self, at: &At, i: usize) -> EvalResult {
+        let weight = self.switch(i).map(|k| self.weights[k]);
         let (c, b, n_v) = (&self.mechanics.contacts[i], &mut self.blocks[i], self.mechanics.n_v);
         let out = &mut self.buffer[..c.motion.n_out()];
-        if c.kind == Kind::Switch {
+        if let Some(weight) = weight {
             let there = Dynamics::weighted(&self.weights, &mut self.extended, at);
             c.motion.value(&there, out, &mut self.work)?;
             let behind = &out[Contact::motion_len(n_v, 1)..];
             b.push.copy_from_slice(&behind[..n_v]);
             b.gradient.copy_from_slice(&behind[n_v..]);
+            if weight != 0.0 {
+                // it is one of the parameters of the smooth forces
+                b.push.fill(0.0);
+            }
         } else {
             c.motion.value(at, out, &mut self.work)?;
         }
@@ -427,12 +437,6 @@ impl Dynamics {
             b.tangents[k * n_v..(k + 1) * n_v].copy_from_slice(&own[2..]);
         }
         b.stiction = out[c.stiction_at(n_v)];
-        if let Some(k) = i.checked_sub(self.mechanics.contacts.len() - self.weights.len()) {
-            if self.weights[k] != 0.0 {
-                // its weight is one of the parameters of the smooth forces
-                b.push.fill(0.0);
-            }
-        }
         Ok(())
     }
 
@@ -796,7 +800,6 @@ impl Dynamics {
             let mut there = x.to_vec();
             let mut room = Vec::new();
             let mut rates = |d: &Dynamics, at: &Point, out: &mut [f64], work: &mut [f64]| {
-                room.clear();
                 d.mechanics.smooth.value(&Dynamics::weighted(&d.weights, &mut room, at), out, work)
             };
             let (mut work, mut with, mut without) =

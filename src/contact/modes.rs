@@ -143,7 +143,7 @@ impl Dynamics {
     fn signs_to_try(&self, closed: &[Closed]) -> Vec<Vec<(usize, f64)>> {
         /// Switches that multiply each other and vanish together: 3^6 sets of signs.
         const MOST: usize = 6;
-        let first = self.n_contacts() - self.weights.len();
+        let first = self.first_switch();
         let rests = |k: usize| closed.iter().any(|c| c.contact == first + k);
         let pairs: Vec<[usize; 2]> =
             self.mechanics.products.iter().copied().filter(|p| rests(p[0]) && rests(p[1])).collect();
@@ -178,7 +178,7 @@ impl Dynamics {
 
     /// Two switches at rest that multiply each other: their weights are not the solution of a linear problem.
     pub(crate) fn multiplied(&self, closed: &[Closed]) -> Option<[usize; 2]> {
-        let first = self.n_contacts() - self.weights.len();
+        let first = self.first_switch();
         let rests = |k: usize| closed.iter().any(|c| c.contact == first + k && c.rests);
         let pair = self.mechanics.products.iter().find(|p| rests(p[0]) && rests(p[1]))?;
         Some(pair.map(|k| first + k))
@@ -228,7 +228,7 @@ impl Dynamics {
             begin: Vec::new(),
             forces: Vec::new(),
         };
-        let switches = self.n_contacts() - self.weights.len();
+        let switches = self.first_switch();
         for (w, set) in self.weights.iter().zip(&mut out.modes[switches..]).filter(|(w, _)| **w != 0.0) {
             set[0] = if *w > 0.0 { mode::SLIDES } else { mode::SLIDES_BACK };
         }
