@@ -366,7 +366,7 @@ impl Sizes {
     pub(super) fn new(p: &Problem, t: &Transcription, w: &[f64]) -> Sizes {
         let n_c = p.n_contacts();
         let n_q = p.functions.n_q;
-        let n_own = p.functions.n_v - p.functions.n_z;
+        let n_own = p.functions.n_own();
         let (mut acceleration, mut change) = (0f64, 0f64);
         for e in &t.elements {
             for r in &e.rates {

@@ -107,18 +107,15 @@ pub(super) fn solve_sequence(
         _ => t.violation(&s.x),
     };
     let known = std::mem::take(&mut t.guards);
-    let touched = match s.outcome {
-        Outcome::Solved => guards::touched(&known, &mut t, &s.x),
-        _ if has_crept => guards::touched(&known, &mut t, &s.x),
-        _ => Vec::new(),
-    };
+    let is_feasible = s.outcome == Outcome::Solved || has_crept;
+    let touched = if is_feasible { guards::touched(&known, &mut t, &s.x) } else { Vec::new() };
     t.guards = known;
     let params = (0..t.params.len()).filter_map(|j| t.params[j].map(|v| (j, s.x[v]))).collect();
     let lengths = modal::phase_lengths(p, sequence, &track);
     let vanishing = modal::vanishing(&lengths);
     let gradient = t.controls.iter().flat_map(|&u| s.z[u..u + p.given.dims.u].to_vec()).collect();
     let kinks = kinks(p, sequence, &track, &touched);
-    let overlap = (s.outcome == Outcome::Solved || has_crept) && !overlaps(p, &track).is_empty();
+    let overlap = is_feasible && !overlaps(p, &track).is_empty();
     let planned = sequence.clone();
     let mut sequence = sequence.clone();
     for (stage, lengths) in sequence.stages.iter_mut().zip(&lengths) {

@@ -58,6 +58,11 @@ pub(super) struct SceneFunctions {
 }
 
 impl SceneFunctions {
+    /// Velocities without the further states behind them.
+    pub(super) fn n_own(&self) -> usize {
+        self.n_v - self.n_z
+    }
+
     /// Of the equations of motion of a system with these sizes.
     ///
     /// # Errors

@@ -24,7 +24,7 @@ pub(super) fn of_states(p: &Problem, x0: &[f64]) -> Vec<f64> {
     let g = &p.given;
     let n_q = p.functions.n_q;
     // behind them every state is of its own kind
-    let mechanical = g.dims.x - p.functions.n_z;
+    let mechanical = n_q + p.functions.n_own();
     let largest = |x: &[f64]| x.iter().copied().fold(0.0, f64::max);
     let beyond = |v: f64, least: f64| if v > least { v } else { 0.0 };
     let value = |i: usize| g.target.as_ref().map_or(x0[i].abs(), |t| x0[i].abs().max(t[i].abs()));
@@ -70,6 +70,9 @@ pub(super) fn of_states(p: &Problem, x0: &[f64]) -> Vec<f64> {
 /// velocities to their sizes in the horizon, rates of other such states. Those that act on nothing have 1.
 fn size_further_states(p: &Problem, at: &Point, sizes: &mut [f64]) {
     let (f, dims) = (&p.functions, p.given.dims);
+    if f.n_z == 0 {
+        return;
+    }
     let first = dims.x - f.n_z;
     let horizon: f64 = p.given.durations.iter().sum();
     let pattern = f.smooth.jac_pattern();
@@ -176,7 +179,7 @@ impl Units {
         let x0 = &middles(&g.x0_bounds)[..];
         let mut sizes = of_states(p, x0);
         let horizon: f64 = g.durations.iter().sum();
-        let n_own = n_v - f.n_z;
+        let n_own = f.n_own();
         if n_q == n_own {
             (0..n_q).for_each(|i| sizes[n_q + i] = sizes[n_q + i].max(sizes[i] / horizon));
         }

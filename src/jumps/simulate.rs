@@ -253,7 +253,7 @@ impl Simulated {
         if f.value(&at, &mut s, &mut vec![0.0; f.work_len()]).is_err() {
             return ContactMode::Closed;
         }
-        let size = piece.x0[p.functions.n_q..piece.x0.len() - p.functions.n_z].iter().fold(0f64, |m, v| m.max(v.abs()));
+        let size = piece.x0[p.functions.n_q..].iter().take(p.functions.n_own()).fold(0f64, |m, v| m.max(v.abs()));
         if s[0].abs() <= 1e-9 * size {
             ContactMode::Closed
         } else if s[0] > 0.0 {

@@ -111,7 +111,7 @@ const INSIDE: [f64; 2] = [0.1, 0.9];
 /// Share of a step after which the first contact that closes in it does so with the velocities before, by a secant of its gap.
 fn landing(p: &Problem, piece: &Piece, hit: &[bool]) -> f64 {
     let (g, n_q) = (p.given(), p.functions.n_q);
-    if n_q != p.functions.n_v - p.functions.n_z {
+    if n_q != p.functions.n_own() {
         return 0.5;
     }
     let u = vec![0.0; g.dims.u];

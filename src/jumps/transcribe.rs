@@ -657,7 +657,7 @@ impl Transcription {
 
     /// Largest modulus of a velocity at the stage points.
     pub(super) fn largest_speed(&self, p: &Problem, w: &[f64]) -> f64 {
-        let n_v = p.functions.n_v - p.functions.n_z;
+        let n_v = p.functions.n_own();
         let of = |at: &Place| w[at.v..at.v + n_v].iter().fold(0f64, |m, v| m.max(v.abs()));
         self.elements.iter().flat_map(|e| &e.points).map(of).fold(0.0, f64::max)
     }
