@@ -194,52 +194,51 @@ impl Built {
         self.system.add_known_times(&f.times)?;
         self.functions.push(f.guard);
         self.functions.extend(f.reset.map(|r| r.1));
-        self.report.transitions.push(self.transition_text(dag, &t));
+        self.report.transitions.push(t.text(dag, &self.names));
         self.change_source(|saved| saved.add_transition(dag, &t));
         self.transitions.push(t);
         Ok(k)
-    }
-
-    fn transition_text(&self, dag: &Dag, t: &Transition) -> String {
-        t.text(dag, &self.names)
     }
 }
 
 impl Transition {
     /// `heat 0 -> 1 where 18 - x becomes positive`
     pub(crate) fn text(&self, dag: &Dag, names: &Names) -> String {
-        let t = self;
         let name = |i: usize| names.of(Block::X, i);
         let text = |id: Id| dag.text_with(id, &|block, i| names.of(block, i));
         let mut parts: Vec<String> = Vec::new();
-        for &(state, value) in &t.to {
-            parts.push(match t.from.iter().find(|f| f.0 == state) {
+        for &(state, value) in &self.to {
+            parts.push(match self.from.iter().find(|f| f.0 == state) {
                 Some(f) => format!("{} {} -> {value}", name(state), f.1),
                 None => format!("{} -> {value}", name(state)),
             });
         }
-        parts.extend(t.reset.iter().map(|&(state, id)| format!("{} := {}", name(state), text(id))));
-        let effect = match t.rule.effect {
+        parts.extend(self.reset.iter().map(|&(state, id)| format!("{} := {}", name(state), text(id))));
+        let effect = match self.rule.effect {
             Effect::Jump => None,
             Effect::Note => Some("noted"),
             Effect::Stop => Some("ends the run"),
         };
         parts.extend(effect.map(str::to_owned));
-        let mut out = if t.rule.name.is_empty() { String::new() } else { format!("{}: ", t.rule.name) };
+        let mut out = if self.rule.name.is_empty() { String::new() } else { format!("{}: ", self.rule.name) };
         out += &parts.join(", ");
-        out += &match (dag.as_const(t.guard), t.direction) {
+        out += &match (dag.as_const(self.guard), self.direction) {
             (Some(v), d) if v * d.sign() > 0.0 => " at once".to_owned(),
-            (_, Direction::Rising) if dag.is_condition(t.guard) => format!(" where {} becomes true", text(t.guard)),
-            (_, Direction::Falling) if dag.is_condition(t.guard) => format!(" where {} becomes false", text(t.guard)),
-            (_, Direction::Rising) => format!(" where {} becomes positive", text(t.guard)),
-            (_, Direction::Falling) => format!(" where {} becomes negative", text(t.guard)),
+            (_, Direction::Rising) if dag.is_condition(self.guard) => {
+                format!(" where {} becomes true", text(self.guard))
+            }
+            (_, Direction::Falling) if dag.is_condition(self.guard) => {
+                format!(" where {} becomes false", text(self.guard))
+            }
+            (_, Direction::Rising) => format!(" where {} becomes positive", text(self.guard)),
+            (_, Direction::Falling) => format!(" where {} becomes negative", text(self.guard)),
         };
-        let asked = t.from.iter().filter(|f| t.to.iter().all(|to| to.0 != f.0));
+        let asked = self.from.iter().filter(|f| self.to.iter().all(|to| to.0 != f.0));
         let asked: Vec<String> = asked.map(|&(state, value)| format!("{} = {value}", name(state))).collect();
         if !asked.is_empty() {
             out += &format!(", while {}", asked.join(" and "));
         }
-        if t.rule.effect == Effect::Jump && t.rule.trigger == Trigger::Edge {
+        if self.rule.effect == Effect::Jump && self.rule.trigger == Trigger::Edge {
             out += ", not where it is so from the start";
         }
         out

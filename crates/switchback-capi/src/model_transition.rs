@@ -13,7 +13,7 @@ use switchback::error::{Error, Result};
 use switchback::expr::{Dag, Id};
 use switchback::memory::sizes::size;
 use switchback::model::{Built, Clock, Pwm, Strikes, Transition};
-use switchback::system::{Direction, Effect, Trigger};
+use switchback::system::{Direction, Effect, Rule, Trigger};
 
 /// Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
 /// transitions change them. Reports name them and documents keep the values; simulations start where they are told to. Names of
@@ -176,16 +176,15 @@ pub unsafe extern "C" fn swb_model_add_event(
     index: *mut i64,
 ) -> swb_status {
     self::setting(model, || unsafe {
-        let rule = rule_of(name, effect, trigger)?;
-        let direction = direction_of(direction)?;
-        let from = values_of((from_states, n_from_states), (from_values, n_from_values), "from")?;
-        let to = values_of((to_states, n_to_states), (to_values, n_to_values), "to")?;
-        let states = raw::slice(reset_states, n_reset_states, "reset_states")?;
-        let ids = raw::slice(resets, n_resets, "resets")?;
+        let made = stated(
+            rule_of(name, effect, trigger)?,
+            (guard, direction),
+            ((from_states, n_from_states), (from_values, n_from_values)),
+            ((reset_states, n_reset_states), (resets, n_resets)),
+            ((to_states, n_to_states), (to_values, n_to_values)),
+        )?;
         let k = handle::with_mut(graph, |dag| {
-            let guard = dag.id(place(guard, "guard")?)?;
-            let reset = resets_of(dag, states, ids)?;
-            let t = Transition { guard, direction, from, reset, to, rule };
+            let t = made(dag)?;
             handle::with_mut(model, |m| m.add_transition(dag, t))
         })?;
         raw::write_optional(index, k as i64);
@@ -224,8 +223,29 @@ unsafe fn add_clock(
     })
 }
 
+/// A list as callers give it.
+type List<T> = (*const T, i64);
+
+/// A transition as callers give it: what makes it of the expressions of a graph.
+pub(super) unsafe fn stated<'a>(
+    rule: Rule,
+    (guard, direction): (i64, i32),
+    from: (List<i64>, List<f64>),
+    reset: (List<i64>, List<i64>),
+    to: (List<i64>, List<f64>),
+) -> Result<impl FnOnce(&Dag) -> Result<Transition> + 'a> {
+    let direction = direction_of(direction)?;
+    let (from, to) = unsafe { (values_of(from.0, from.1, "from")?, values_of(to.0, to.1, "to")?) };
+    let states: &'a [i64] = unsafe { raw::slice(reset.0 .0, reset.0 .1, "reset_states")? };
+    let ids: &'a [i64] = unsafe { raw::slice(reset.1 .0, reset.1 .1, "resets")? };
+    Ok(move |dag: &Dag| {
+        let guard = dag.id(place(guard, "guard")?)?;
+        Ok(Transition { guard, direction, from, reset: resets_of(dag, states, ids)?, to, rule })
+    })
+}
+
 /// States and the expressions that they become.
-pub(super) fn resets_of(dag: &Dag, states: &[i64], ids: &[i64]) -> Result<Vec<(usize, Id)>> {
+fn resets_of(dag: &Dag, states: &[i64], ids: &[i64]) -> Result<Vec<(usize, Id)>> {
     if states.len() != ids.len() {
         return Err(Error::Dimension(format!(
             "there are {} states to reset and {} expressions: give one for each",
@@ -237,7 +257,7 @@ pub(super) fn resets_of(dag: &Dag, states: &[i64], ids: &[i64]) -> Result<Vec<(u
     states.iter().zip(ids).map(one).collect()
 }
 
-pub(super) fn place(v: i64, what: &str) -> Result<usize> {
+fn place(v: i64, what: &str) -> Result<usize> {
     usize::try_from(v).map_err(|_| Error::Range(format!("{what} is {v}: states and expressions count from 0")))
 }
 

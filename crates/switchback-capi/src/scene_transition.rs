@@ -4,12 +4,11 @@ use std::ffi::c_char;
 
 use super::expr::swb_expr;
 use super::handle::{self, setting};
-use super::model_transition::{place, resets_of};
+use super::model_transition::stated;
 use super::raw;
 use super::scene::swb_scene;
 use super::status::swb_status;
-use super::transition::{direction_of, rule_of, values_of};
-use switchback::model::Transition;
+use super::transition::rule_of;
 
 /// Add a discrete state to a scene, behind all its states: only transitions change it. Its rate is zero, and is none of those of
 /// swb_scene_set_state_rates. Simulations start where they are told to.
@@ -77,16 +76,14 @@ pub unsafe extern "C" fn swb_scene_add_event(
     index: *mut i64,
 ) -> swb_status {
     setting(scene, || unsafe {
-        let rule = rule_of(name, effect, trigger)?;
-        let direction = direction_of(direction)?;
-        let from = values_of((from_states, n_from_states), (from_values, n_from_values), "from")?;
-        let to = values_of((to_states, n_to_states), (to_values, n_to_values), "to")?;
-        let states = raw::slice(reset_states, n_reset_states, "reset_states")?;
-        let ids = raw::slice(resets, n_resets, "resets")?;
-        let t = handle::with_ref(graph, |dag| {
-            let guard = dag.id(place(guard, "guard")?)?;
-            Ok(Transition { guard, direction, from, reset: resets_of(dag, states, ids)?, to, rule })
-        })?;
+        let made = stated(
+            rule_of(name, effect, trigger)?,
+            (guard, direction),
+            ((from_states, n_from_states), (from_values, n_from_values)),
+            ((reset_states, n_reset_states), (resets, n_resets)),
+            ((to_states, n_to_states), (to_values, n_to_values)),
+        )?;
+        let t = handle::with_ref(graph, |dag| made(dag))?;
         let k = handle::with_mut(scene, |s| {
             s.check_graph(graph)?;
             s.change().add_transition(t)
