@@ -4,7 +4,6 @@ use super::blame::Blame;
 use super::exact::Solved;
 use super::guards::Touched;
 use super::modes::Sequence;
-use super::problem::Problem;
 use super::shots::Missed;
 use super::track::Track;
 use super::transcribe::Broken;
@@ -28,8 +27,8 @@ pub struct Paradox {
 pub struct Answer {
     /// How it ended.
     pub outcome: Outcome,
-    /// Was its program given up at a point that meets the constraints, for gaining next to nothing?
-    pub(super) has_crept: bool,
+    /// Do the constraints of its program leave room for contradictions of next to nothing?
+    pub(super) has_room: bool,
     /// Initial state.
     pub x0: Vec<f64>,
     /// Modes and jumps.
@@ -94,11 +93,6 @@ impl Answer {
         self.outcome == Outcome::Solved
     }
 
-    /// Does it meet the constraints, as a solution or as what is about as good as one?
-    pub(super) fn is_feasible(&self) -> bool {
-        self.is_solved() || self.has_crept
-    }
-
     /// Controls of all stages, those behind the scene's included.
     pub fn controls(&self) -> &[f64] {
         &self.track.controls
@@ -117,8 +111,6 @@ pub type Found = (Answer, Solved);
 
 /// What a search has found.
 pub struct Findings {
-    /// The problem that was searched: as stated, or with room for constraints that contradict each other by next to nothing.
-    pub problem: Problem,
     /// The best answer.
     pub best: Found,
     /// Dearer ones that were found on the way, the cheapest first, for whom the best is none of the control problem.

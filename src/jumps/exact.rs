@@ -28,8 +28,6 @@ pub(super) struct Limits {
     pub(super) patience: usize,
     /// A cost that has to be met, infinite where none has.
     pub(super) cost: f64,
-    /// Share of its cost that a program whose constraints hold has to gain for its iterations; infinite where no gain is worth more of them.
-    pub(super) gain: f64,
     /// Do directions solve for the rows by themselves? On fine grids, and where a path constraint holds a contact in its place, rows are next to
     /// dependent, and of the last of their violation the usual directions leave all.
     pub(super) exact_rows: bool,
@@ -40,7 +38,7 @@ pub(super) struct Limits {
 impl Limits {
     /// Of a program that nothing is known of but this patience.
     pub(super) fn of_patience(patience: usize) -> Limits {
-        Limits { patience, cost: f64::INFINITY, gain: 0.0, exact_rows: false, close: false }
+        Limits { patience, cost: f64::INFINITY, exact_rows: false, close: false }
     }
 }
 
@@ -67,7 +65,7 @@ pub(super) fn without_overlap(
         held.witnesses.extend(more);
         let (sequence, guess) = (last.sequence.clone(), last.track.clone());
         let next = solve_sequence(p, &sequence, &guess, &held, None, settings, limits, control)?;
-        let solved = next.0.is_feasible();
+        let solved = next.0.is_solved();
         found = Some(next);
         if !solved {
             break;
@@ -95,7 +93,7 @@ pub(super) fn solve_sequence(
     if limits.exact_rows {
         solver.demand_rows();
     }
-    let (s, largest, has_crept) = run(&mut solver, &mut t, point, limits, control);
+    let (s, largest) = run(&mut solver, &mut t, point, limits, control);
     let track = t.read(p, &s.x, &|_| Vec::new());
     let cost = t.cost(&s.x).unwrap_or(f64::NAN);
     let trouble = match (s.outcome, t.program.trouble()) {
@@ -107,15 +105,15 @@ pub(super) fn solve_sequence(
         _ => t.violation(&s.x),
     };
     let known = std::mem::take(&mut t.guards);
-    let is_feasible = s.outcome == Outcome::Solved || has_crept;
-    let touched = if is_feasible { guards::touched(&known, &mut t, &s.x) } else { Vec::new() };
+    let is_solved = s.outcome == Outcome::Solved;
+    let touched = if is_solved { guards::touched(&known, &mut t, &s.x) } else { Vec::new() };
     t.guards = known;
     let params = (0..t.params.len()).filter_map(|j| t.params[j].map(|v| (j, s.x[v]))).collect();
     let lengths = modal::phase_lengths(p, sequence, &track);
     let vanishing = modal::vanishing(&lengths);
     let gradient = t.controls.iter().flat_map(|&u| s.z[u..u + p.given.dims.u].to_vec()).collect();
     let kinks = kinks(p, sequence, &track, &touched);
-    let overlap = is_feasible && !overlaps(p, &track).is_empty();
+    let overlap = is_solved && !overlaps(p, &track).is_empty();
     let planned = sequence.clone();
     let mut sequence = sequence.clone();
     for (stage, lengths) in sequence.stages.iter_mut().zip(&lengths) {
@@ -127,7 +125,7 @@ pub(super) fn solve_sequence(
     sequence.tidy();
     let answer = Answer {
         outcome: s.outcome,
-        has_crept,
+        has_room: p.has_room,
         x0: t.state(p, t.x0, &s.x),
         sequence,
         track,
@@ -185,8 +183,8 @@ fn run(
     point: Option<&[Vec<f64>; 3]>,
     limits: Limits,
     control: &mut Control,
-) -> (Solution, f64, bool) {
-    let patience = Patience { iterations: limits.patience, stationary: 2, cut: CREEPING, gain: limits.gain };
+) -> (Solution, f64) {
+    let patience = Patience { iterations: limits.patience, stationary: 2, cut: CREEPING };
     let mut watch = EarlyTermination::new(limits.cost, patience, solver.row_tolerance());
     let (start, bounds) = (&t.start, &t.bounds);
     let mut s = watched(&mut watch, control, |inner| {
@@ -200,6 +198,5 @@ fn run(
     if watch.is_over() && s.outcome == Outcome::Stopped {
         s.outcome = Outcome::MaxIter;
     }
-    let has_crept = watch.has_crept() && s.outcome == Outcome::MaxIter;
-    (s, watch.largest, has_crept)
+    (s, watch.largest)
 }

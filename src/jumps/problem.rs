@@ -1,5 +1,6 @@
 //! What is discretised: a scene with costs and constraints on a grid of control stages.
 
+use super::answer::Answer;
 use super::functions::SceneFunctions;
 use super::reach;
 use super::scales;
@@ -105,6 +106,8 @@ pub struct Problem {
     pub(super) knows_time: bool,
     /// How far forces take the states in the horizon.
     pub(super) reach: Vec<f64>,
+    /// Do the constraints leave room for contradictions of next to nothing?
+    pub(super) has_room: bool,
 }
 
 impl Problem {
@@ -130,7 +133,7 @@ impl Problem {
         let mut outer = outer.chain(g.terminal.iter().map(|c| &c.f)).chain(g.boundary.iter().map(|c| &c.f));
         let knows_time = functions.knows_time || outer.any(|f| !f.jac_pattern().rows(f.dims().t_col()).is_empty());
         let reach = reach::of_forces(&given, &functions);
-        Ok(Problem { given, functions, knows_time, reach })
+        Ok(Problem { given, functions, knows_time, reach, has_room: false })
     }
 
     /// The same with implicit Euler, the method of one stage point.
@@ -161,7 +164,7 @@ impl Problem {
 
     /// The same with conditions along the way and at its end, and bounds of states behind the start, that leave room for contradictions of next to nothing: each by
     /// that share of the size of its value at the start.
-    pub fn with_room(&self) -> Problem {
+    pub(super) fn with_room(&self) -> Problem {
         let mut given = self.given.clone();
         let x0 = middles(&given.x0_bounds);
         let sizes = scales::of_states(self, &x0);
@@ -182,7 +185,16 @@ impl Problem {
         let [mut lower, mut upper] = given.x_bounds.clone();
         widen(&mut lower, &mut upper, &sizes.iter().map(|s| CONTRADICTION * s).collect::<Vec<f64>>());
         (given.path, given.terminal, given.boundary, given.x_bounds) = (path, terminal, boundary, [lower, upper]);
-        Problem { given, ..self.clone() }
+        Problem { given, has_room: true, ..self.clone() }
+    }
+
+    /// The problem that an answer to this one is a solution of: itself, or the one with room for contradictions of next to nothing.
+    pub fn of(&self, answer: &Answer) -> Problem {
+        if answer.has_room && !self.has_room {
+            self.with_room()
+        } else {
+            self.clone()
+        }
     }
 
     /// What was stated.

@@ -132,7 +132,7 @@ impl Spent {
         self.effort += sought.effort;
         self.stats.add(&sought.stats);
         self.tried += sought.tried;
-        sought.solution().map(|found| Refined::new(grid.clone(), found, tol))
+        sought.solution().map(|found| Refined::new(grid.of(&found.0), found, tol))
     }
 }
 

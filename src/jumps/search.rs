@@ -25,10 +25,7 @@ const APART: f64 = 0.01;
 /// Share by which the least violations of two starts may differ that agree: neither is a stationary point but for that.
 const AGREES: f64 = 0.1;
 
-/// Solves: the best answer and its program, and dearer ones.
-///
-/// Where the constraints of an order of contacts contradict each other by next to nothing, and that order would be better than the answer or nothing
-/// else has a solution, the search is made again with conditions that leave room for that ([`Problem::with_room`]).
+/// Solves: the best answer and its program, and dearer ones. They are answers of [`Problem::of`].
 ///
 /// # Errors
 /// Those of simulations of the guess and of building programs. That there is no solution is no error: it is the outcome of the
@@ -36,19 +33,7 @@ const AGREES: f64 = 0.1;
 pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<Findings> {
     let clock = Instant::now();
     let mut budget = Budget::new(f64::INFINITY);
-    let (mut sought, contradicted, paradox) = search(p, (options, true), &mut budget, control)?;
-    let mut problem = p.clone();
-    let cost = sought.cost();
-    let is_contradicted = contradicted + options.gain * if cost.is_finite() { cost.abs() } else { 0.0 } < cost;
-    if is_contradicted && stop::requested().is_none() {
-        let wider = p.with_room();
-        // what ends this search leaves what the first one found
-        if let Ok((loose, ..)) = search(&wider, (options, false), &mut budget, control) {
-            if loose.cost() < cost {
-                (sought, problem) = (loose, wider);
-            }
-        }
-    }
+    let (sought, paradox) = search(p, options, &mut budget, control)?;
     let Sought { best, others, agreeing, tried, .. } = sought;
     let (mut best, solved) = match best {
         Some(found) => found,
@@ -73,18 +58,16 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<Fi
     }
     let effort = best.effort;
     let others = others.into_iter().map(|(a, s)| (Answer { effort, ..a }, s)).collect();
-    Ok(Findings { problem, best: (best, solved), others })
+    Ok(Findings { best: (best, solved), others })
 }
 
-/// The whole search of a problem; with it the least cost of an order that contradicts itself by next to nothing, and what is known of the simulation
-/// of the guess. Where it `waits`, the first such order ends it where nothing has a solution.
-#[allow(clippy::type_complexity)]
+/// The whole search of a problem, and what is known of the simulation of the guess ([`Sources::paradox`]).
 fn search(
     p: &Problem,
-    (options, waits): (&Options, bool),
+    options: &Options,
     budget: &mut Budget,
     control: &mut Control,
-) -> Result<(Sought, f64, Option<Option<(usize, f64)>>)> {
+) -> Result<(Sought, Option<Option<(usize, f64)>>)> {
     if let Some(last) = &options.warm {
         // an answer of before goes where phases that vanish lead, and no further
         let mut space = Contacts::new(p, options, Reach::Wanted, false);
@@ -92,11 +75,10 @@ fn search(
         space.sources.give(last.planned.clone(), Rc::new(last.track.clone()), Some(Rc::new(last.point.clone())));
         let found = Sought::of(&mut space, &[Source::Guess], (options, 0.0), budget, control)?;
         if found.is_solved() {
-            return Ok((found, space.contradicted, None));
+            return Ok((found, None));
         }
     }
     let mut space = Contacts::new(p, options, Reach::All, false);
-    space.waits = waits;
     let given = options.sequence.is_some();
     let sources: &[Source] = match options.method {
         Method::Auto if given => &[Source::Guess],
@@ -116,7 +98,7 @@ fn search(
         space.sources.give(open, guess, None);
         found = Sought::of(&mut space, &[Source::Guess], (options, 0.0), budget, control)?;
     }
-    Ok((found, space.contradicted, space.sources.paradox))
+    Ok((found, space.sources.paradox))
 }
 
 /// Says of the point that is closest to a solution what keeps it from one, and what a simulation of its controls has.
@@ -177,8 +159,7 @@ impl Sought {
         };
         let before = (budget.spent(), budget.stats);
         let found = explore(space, &plan, Vec::new(), budget, control)?;
-        let all = found.all.into_iter().map(|(Ended { answer, solved, .. }, _)| (answer, solved)).collect();
-        let mut all = finished(space, all, budget, control)?.into_iter();
+        let mut all = found.all.into_iter().map(|(Ended { answer, solved, .. }, _)| (answer, solved));
         let best = all.next().map(|(a, solved)| {
             let settled = found.settled && a.is_solved() && a.vanishing.is_empty();
             let (dimensions, freezing) = (space.dimensions, space.sources.freezing.clone());
@@ -209,40 +190,10 @@ impl Sought {
         self.best.as_ref().is_some_and(|b| b.0.is_solved())
     }
 
-    /// Cost of the best, infinite where it is no solution.
-    fn cost(&self) -> f64 {
-        self.best.as_ref().filter(|b| b.0.is_solved()).map_or(f64::INFINITY, |b| b.0.cost)
-    }
-
     /// The best, where it is a solution.
     pub(super) fn solution(self) -> Option<Found> {
         self.best.filter(|b| b.0.is_solved())
     }
-}
-
-/// What programs ended at, the best first, with a solution at its head where there is one: what was given up for gaining next to nothing is solved to its
-/// end if it is the best, and goes behind the solutions if it has none.
-fn finished(
-    space: &mut Contacts,
-    mut all: Vec<Found>,
-    budget: &mut Budget,
-    control: &mut Control,
-) -> Result<Vec<Found>> {
-    let mut unsolved = Vec::new();
-    while all.first().is_some_and(|f| f.0.has_crept) {
-        let crept = all.remove(0);
-        if stop::requested().is_none() {
-            let found = space.finish(&crept.0, budget, control)?;
-            if found.0.is_solved() {
-                all.insert(0, found);
-                break;
-            }
-        }
-        unsolved.push(crept);
-    }
-    let behind = all.iter().position(|f| !f.0.is_solved()).unwrap_or(all.len());
-    all.splice(behind..behind, unsolved);
-    Ok(all)
 }
 
 /// Solves for an order of contacts on another grid of the same control stages, from a motion that has it, and for those next to it within

@@ -193,7 +193,7 @@ impl<'a> Sources<'a> {
         budget: &mut Budget,
         control: &mut Control,
     ) -> Result<Vec<Candidate<Order, Motion>>> {
-        let solution = best.filter(|b| b.is_feasible());
+        let solution = best.filter(|b| b.is_solved());
         match source {
             Source::Guess => {
                 let given = self.given.pop_front();

@@ -33,7 +33,7 @@ const PUT_IN: usize = 3;
 
 /// Did a program end for want of steps that lead on?
 fn is_stuck(a: &Answer) -> bool {
-    !a.is_feasible() && matches!(a.outcome, Outcome::MaxIter | Outcome::Stalled)
+    !a.is_solved() && matches!(a.outcome, Outcome::MaxIter | Outcome::Stalled)
 }
 
 /// An order of contacts. It is its modes and jumps; lengths of phases are what a program begins with.
@@ -108,12 +108,10 @@ pub(super) struct Contacts<'a> {
     reach: Reach,
     /// Is an answer that is known solved for on another grid?
     refines: bool,
-    /// Does it end with the first order that has no solution only for constraints that contradict each other by next to nothing, where nothing has one?
-    pub(super) waits: bool,
     /// Largest cost on the way to a solution: costs have the rounding of that, also where they end at zero.
     largest: f64,
-    /// Least cost of an order that has no solution only for constraints that contradict each other by next to nothing.
-    pub(super) contradicted: f64,
+    /// The problem with room for constraints that contradict each other by next to nothing, once an order asks for it.
+    with_room: Option<Problem>,
     /// Variables, rows and pairs of the program with the most.
     pub(super) dimensions: (usize, usize, usize),
     /// Least violation that every start has led to, where it has led to no solution.
@@ -128,30 +126,40 @@ impl<'a> Contacts<'a> {
             sources: Sources::new(p, options),
             reach,
             refines,
-            waits: false,
             largest: 0.0,
-            contradicted: f64::INFINITY,
+            with_room: None,
             dimensions: (0, 0, 0),
             least: Vec::new(),
         }
     }
 
-    /// Solves the program of an order.
+    /// The problem as stated, or with room for constraints that contradict each other by next to nothing.
+    fn problem(&mut self, has_room: bool) -> &Problem {
+        if has_room && !self.p.has_room {
+            self.with_room.get_or_insert_with(|| self.p.with_room())
+        } else {
+            self.p
+        }
+    }
+
+    /// Solves the program of an order, with room for constraints that contradict each other by next to nothing or as stated.
     fn program(
         &mut self,
-        sequence: &Sequence,
+        (sequence, has_room): (&Sequence, bool),
         (track, point): (&Track, Option<&[Vec<f64>; 3]>),
         limits: Limits,
         budget: &mut Budget,
         control: &mut Control,
     ) -> Result<(Answer, Solved)> {
-        let held = Held::default();
-        let found = solve_sequence(self.p, sequence, track, &held, point, self.settings(), limits, control)?;
+        let (held, settings) = (Held::default(), self.settings());
+        let p = self.problem(has_room);
+        let found = solve_sequence(p, sequence, track, &held, point, settings, limits, control)?;
         self.count(&found.0, budget);
         Ok(found)
     }
 
-    /// Solves for an order: once more where that is close to a solution, and with gaps held where bodies overlap.
+    /// Solves for an order: once more where that is close to a solution, with room where constraints contradict each other by next to nothing, and with gaps
+    /// held where bodies overlap.
     fn answer(
         &mut self,
         order: &Sequence,
@@ -160,40 +168,40 @@ impl<'a> Contacts<'a> {
         budget: &mut Budget,
         control: &mut Control,
     ) -> Result<Found> {
-        let (mut answer, mut solved) = self.program(order, from, limits, budget, control)?;
-        if limits.close && !answer.is_feasible() {
-            (answer, solved) = self.program(order, from, Limits { close: false, ..limits }, budget, control)?;
+        let (mut answer, mut solved) = self.program((order, false), from, limits, budget, control)?;
+        if limits.close && !answer.is_solved() {
+            (answer, solved) =
+                self.program((order, false), from, Limits { close: false, ..limits }, budget, control)?;
         }
         let limits = Limits { close: false, ..limits };
         let cheaper = limits.cost.is_infinite() || answer.cost < limits.cost + PROMISING * limits.cost.abs();
         if is_stuck(&answer) && cheaper && answer.violation < PROMISING && answer.vanishing.is_empty() {
             // again from where it got to: steps that the filter of the last solve refuses are often the right ones
             let last = answer.point.clone();
-            let again = self.program(order, (from.0, Some(&last)), limits, budget, control)?;
-            if again.0.is_feasible() || again.0.violation < answer.violation {
+            let again = self.program((order, false), (from.0, Some(&last)), limits, budget, control)?;
+            if again.0.is_solved() || again.0.violation < answer.violation {
+                (answer, solved) = again;
+            }
+        }
+        if is_stuck(&answer) && cheaper && answer.violation <= CONTRADICTION && !self.p.has_room {
+            let last = answer.point.clone();
+            let again = self.program((order, true), (from.0, Some(&last)), limits, budget, control)?;
+            if again.0.is_solved() {
                 (answer, solved) = again;
             }
         }
         if answer.overlap && answer.cost < limits.cost {
             // the cost of a motion that cannot be is none to compare with
-            if let Some(apart) = without_overlap(self.p, &answer, self.settings(), limits, control)? {
+            let settings = self.settings();
+            let p = self.problem(answer.has_room);
+            if let Some(apart) = without_overlap(p, &answer, settings, limits, control)? {
                 self.count(&apart.0, budget);
-                if apart.0.is_feasible() || limits.cost.is_finite() {
+                if apart.0.is_solved() || limits.cost.is_finite() {
                     (answer, solved) = apart;
                 }
             }
         }
         Ok((answer, solved))
-    }
-
-    /// Goes on with a program that was given up for gaining next to nothing, to its end if that is near.
-    ///
-    /// # Errors
-    /// Those of building it.
-    pub(super) fn finish(&mut self, a: &Answer, budget: &mut Budget, control: &mut Control) -> Result<Found> {
-        // it ends within a few steps of Newton's method, or after many more
-        let limits = Limits { gain: f64::INFINITY, exact_rows: self.refines, ..Limits::of_patience(PATIENCE) };
-        self.answer(&a.planned, (&a.track, Some(&a.point)), limits, budget, control)
     }
 
     fn settings(&self) -> MpccSettings {
@@ -249,15 +257,15 @@ impl<'a> Contacts<'a> {
     /// Orders next to that of an answer within reach, those that are next to its motion first.
     fn next_to(&self, a: &Answer) -> Vec<Neighbour> {
         let frictional: Vec<bool> = self.p.functions.contacts.iter().map(|c| c.n_tangents > 0).collect();
-        let mut near = neighbours(&a.sequence, &a.vanishing, &a.touched, &frictional, !a.is_feasible());
+        let mut near = neighbours(&a.sequence, &a.vanishing, &a.touched, &frictional, !a.is_solved());
         near.extend(self.with_impacts(a));
         near.retain(|n| match self.reach {
             Reach::Wanted => n.wanted,
-            Reach::Local => n.local || !a.is_feasible(),
+            Reach::Local => n.local || !a.is_solved(),
             Reach::All => true,
         });
         near.sort_by_key(|n| (!n.wanted, n.class));
-        if a.is_feasible() && self.reach == Reach::All {
+        if a.is_solved() && self.reach == Reach::All {
             in_turn(&mut near);
         }
         near.retain(|n| modal::can_begin(self.p, &n.sequence));
@@ -278,11 +286,6 @@ impl Space for Contacts<'_> {
         control: &mut Control,
     ) -> Result<Vec<Candidate<Order, Motion>>> {
         let best = best.map(|b| &b.answer);
-        // what contradicts itself by next to nothing is asked again with room for that before anything else is
-        let waits = self.waits && self.contradicted.is_finite() && best.is_none_or(|b| !b.is_feasible());
-        if waits && source != Source::Guess {
-            return Ok(Vec::new());
-        }
         self.sources.next(source, best, budget, control)
     }
 
@@ -302,15 +305,11 @@ impl Space for Contacts<'_> {
             return Ok(Vec::new());
         }
         let patience = if motion.given || limits.patience > 1 { PATIENT * PATIENCE } else { PATIENCE };
-        let (gain, exact_rows) = (self.options.gain, self.refines);
-        let limits = Limits { patience, cost: limits.cost, gain, exact_rows, close: motion.close };
+        let limits = Limits { patience, cost: limits.cost, exact_rows: self.refines, close: motion.close };
         let from = (&*motion.track, motion.point.as_deref());
         let (answer, solved) = self.answer(&order.sequence, from, limits, budget, control)?;
         let start = motion.start;
-        if !answer.is_feasible() {
-            if is_stuck(&answer) && answer.violation <= CONTRADICTION {
-                self.contradicted = self.contradicted.min(answer.cost);
-            }
+        if !answer.is_solved() {
             self.least.resize(self.least.len().max(start + 1), f64::INFINITY);
             self.least[start] = self.least[start].min(answer.violation);
         }
@@ -320,7 +319,7 @@ impl Space for Contacts<'_> {
     fn rank(&self, s: &Ended) -> Rank {
         let a = &s.answer;
         let (idle, rounding) = (a.vanishing.len(), f64::EPSILON * self.largest);
-        let (feasible, cost, violation) = (a.is_feasible(), a.cost, a.violation);
+        let (feasible, cost, violation) = (a.is_solved(), a.cost, a.violation);
         Rank { feasible, contradicted: false, cost, violation, idle, rounding }
     }
 

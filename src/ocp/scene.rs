@@ -74,11 +74,11 @@ impl Ocp {
         self.check_start(&problem)?;
         let options = self.scene_options(&problem, &extended, start, request);
         let time_build = clock.elapsed().as_secs_f64();
-        let Findings { problem, best, others } = jumps::solve(&problem, &options, control)?;
+        let Findings { best, others } = jumps::solve(&problem, &options, control)?;
         let asked = |shoots| (&extended, &options, request, shoots);
         let mut visited = Vec::new();
         let (mut last, mut result, mut followed) =
-            self.compared(problem.clone(), best, asked(true), &mut visited, control)?;
+            self.compared(problem.of(&best.0), best, asked(true), &mut visited, control)?;
         if last.answer.is_solved() {
             // what is dearer may be a motion that there is
             for mut other in others {
@@ -86,7 +86,7 @@ impl Ocp {
                     break;
                 }
                 (other.0.stats, other.0.tried) = (last.answer.stats, last.answer.tried);
-                let next = self.compared(problem.clone(), other, asked(false), &mut visited, control)?;
+                let next = self.compared(problem.of(&other.0), other, asked(false), &mut visited, control)?;
                 if next.2 {
                     (last, result, followed) = next;
                 } else {

@@ -36,15 +36,12 @@ pub(crate) struct Patience {
     pub stationary: usize,
     /// Steps that were cut, less those that were not, after which a program whose constraints nearly hold creeps.
     pub cut: usize,
-    /// Share of its cost that a program whose constraints hold has to gain within [`CLOSE_PATIENCE`] times those iterations; 0 where none has to, infinite
-    /// where no gain is enough.
-    pub gain: f64,
 }
 
 impl Patience {
     /// So many times the usual one.
     pub fn usual(times: usize) -> Patience {
-        Patience { iterations: PATIENCE.saturating_mul(times), stationary: 1, cut: usize::MAX, gain: 0.0 }
+        Patience { iterations: PATIENCE.saturating_mul(times), stationary: 1, cut: usize::MAX }
     }
 }
 
@@ -66,9 +63,6 @@ pub(crate) struct EarlyTermination {
     cut: usize,
     begun: bool,
     over: bool,
-    /// Cost at the last gain of a program whose constraints hold, and iterations since then.
-    gained: Option<(f64, usize)>,
-    crept: bool,
     /// Largest modulus of the cost on the way, and of points that are feasible enough for it to say something.
     pub largest: f64,
     pub largest_feasible: f64,
@@ -90,8 +84,6 @@ impl EarlyTermination {
             cut: 0,
             begun: false,
             over: false,
-            gained: None,
-            crept: false,
             largest: 0.0,
             largest_feasible: 0.0,
         }
@@ -100,11 +92,6 @@ impl EarlyTermination {
     /// Was the program given up?
     pub fn is_over(&self) -> bool {
         self.over
-    }
-
-    /// Was it given up where its constraints held, for gaining next to nothing? Its point is one of the problem, and about as good as it gets.
-    pub fn has_crept(&self) -> bool {
-        self.crept
     }
 
     /// Looks at an iteration; true where the program is to be given up.
@@ -139,24 +126,8 @@ impl EarlyTermination {
         let near = self.since > CLOSE_PATIENCE.saturating_mul(iterations) && self.least > FEASIBLE;
         self.cut = if i.trials >= CUT && i.inf_pr <= FEASIBLE { self.cut + 1 } else { self.cut.saturating_sub(1) };
         let contradicts = self.stationary >= CONTRADICTED;
-        self.crept = self.creeps(i);
-        self.over = far || near || self.cut > cut || contradicts || self.is_too_expensive(i) || self.crept;
-        self.crept &= i.objective < self.cost;
+        self.over = far || near || self.cut > cut || contradicts || self.is_too_expensive(i);
         self.over
-    }
-
-    /// Do its constraints hold, and has it gained next to nothing for long? Newton's method may take thousands of steps to the end of a valley.
-    fn creeps(&mut self, i: &IterationInfo) -> bool {
-        if i.mu > SMALL_BARRIER {
-            self.gained = None;
-            return false;
-        }
-        let (cost, since) = self.gained.unwrap_or((f64::INFINITY, 0));
-        let holds = i.inf_pr <= FEASIBLE;
-        let has_gained = holds && (cost.is_infinite() || i.objective < cost - self.patience.gain * cost.abs());
-        self.gained = Some(if has_gained { (i.objective, 0) } else { (cost, since + 1) });
-        let most = CLOSE_PATIENCE.saturating_mul(self.patience.iterations);
-        self.patience.gain > 0.0 && since > most && i.inf_pr <= self.tolerance
     }
 
     /// Does the cost of a point that meets the constraints stay above the one that has to be met?
@@ -198,7 +169,7 @@ mod tests {
     use super::*;
 
     fn patient(cost: f64) -> EarlyTermination {
-        EarlyTermination::new(cost, Patience { iterations: 1000, stationary: 2, cut: 15, gain: 0.0 }, 1e-9)
+        EarlyTermination::new(cost, Patience { iterations: 1000, stationary: 2, cut: 15 }, 1e-9)
     }
 
     /// The iterations after which a program is given up whose violation is `of(k)` at iteration `k`, all of them behind steps of length
@@ -228,33 +199,6 @@ mod tests {
         // a fall by a tenth in every fourth step is a fall, and what is below the tolerance is a solution
         assert_eq!(given_up_after(|k| 1e-7 * 0.9f64.powi((k / 4) as i32), (1.0, 1e-8), 40), 40);
         assert_eq!(given_up_after(|_| 1e-10, (1.0, 1e-8), 40), 40);
-    }
-
-    #[test]
-    fn what_holds_and_gains_next_to_nothing_has_crept() {
-        let patience = Patience { iterations: 10, stationary: 2, cut: 15, gain: 1e-3 };
-        let of = |fall: f64, violation: f64, gain: f64| {
-            let mut p = EarlyTermination::new(f64::INFINITY, Patience { gain, ..patience }, 1e-9);
-            let info = |k: usize| IterationInfo {
-                iter: k,
-                inf_pr: if k % 7 == 6 { violation } else { 1e-6 * violation },
-                alpha_pr: 1.0,
-                mu: 1e-6,
-                trials: 1,
-                phase: b' ',
-                objective: 1.0 + (1.0 - fall).powi(k as i32),
-                ..Default::default()
-            };
-            let end = (0..400).find(|&k| p.should_stop(&info(k)));
-            assert_eq!(end.is_some(), p.has_crept());
-            end
-        };
-        // a cost that falls by less than a thousandth in thirty iterations, now and then off its constraints
-        let end = of(1e-5, 1e-5, 1e-3).unwrap();
-        assert!((30..40).contains(&end), "{end}");
-        // one that falls by more; one for which that is no reason; no gain is enough
-        assert_eq!((of(1e-3, 1e-5, 1e-3), of(1e-5, 1e-5, 0.0)), (None, None));
-        assert!(of(1e-3, 1e-5, f64::INFINITY).is_some());
     }
 
     #[test]
