@@ -67,6 +67,7 @@ NAVIGATION = """
           - Estimation of parameters: howto/estimation.md
           - A leg that hops: howto/leg.md
           - An arm that touches: howto/arm.md
+          - Bodies in space: howto/space.md
   - Reference:
       - Solutions of optimal control: ocp_results.md
       - Options: options.md

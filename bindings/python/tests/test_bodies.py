@@ -242,10 +242,6 @@ def test_refusals():
     box.disc(0.1, 1.0)
     with pytest.raises(swb.UnsupportedError, match="not smooth"):
         box.scene
-    space = swb.World(space=True, mu=0.1)
-    space.sphere(0.1, 1.0), space.sphere(0.1, 1.0)
-    with pytest.raises(swb.UnsupportedError, match="mu=0"):
-        space.scene
 
 
 # --- pictures -------------------------------------------------------------------------------------------
@@ -309,7 +305,8 @@ def test_animations_refuse(tumbling, tmp_path):
         (lambda: run.animate(tmp_path / "a.gif", draw=3), swb.ArgumentError, "function of"),
         (lambda: smooth.animate(tmp_path / "a.gif"), swb.ArgumentError, "not that of a scene"),
         (lambda: bare.animate(tmp_path / "a.gif"), swb.StateError, "dense"),
-        (lambda: space.simulate(0.1).animate(tmp_path / "a.gif"), swb.UnsupportedError, "in space"),
+        (lambda: space.simulate(0.1).animate(tmp_path / "a.gif", forces=True), swb.UnsupportedError, "in the plane only"),
+        (lambda: space.simulate(0.1).animate(tmp_path / "a.gif", limits=(0, 1)), swb.DimensionError, "limits"),
     ):
         with pytest.raises(error, match=words):
             call()

@@ -39,7 +39,7 @@ from ._store import load
 from ._trace import TraceWarning, tracing
 from .animation import animate
 from .automaton import Automaton, Interval
-from .bodies import Body, BodyState, Fixed, Motion, States, World
+from .bodies import World
 from .errors import (
     ArgumentError,
     DimensionError,
@@ -102,6 +102,7 @@ from .integrator import (
     simulate,
     simulate_batch,
 )
+from .multibody import Joint
 from .mpcc import (
     Certificate,
     Conflict,
@@ -129,6 +130,7 @@ from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_i
 from .saved import SavedRun, SavedTrajectory
 from .scene import ContactMode, Impact, ImpactKind, ImpactLaw, Projected, Scene, SceneContact
 from .settings import Option, Settings, options
+from .shapes import Body, BodyState, Fixed, JointState, Motion, Shape, States
 from .simulator import SimulationResult, Simulator, simulate_fesd
 from .stepper import Stepper, Steps, StepStats, simulate_steps
 from .sweep import Simulation, Sweep, sweep
@@ -173,6 +175,8 @@ __all__ = [
     "Interval",
     "Item",
     "Iteration",
+    "Joint",
+    "JointState",
     "Jump",
     "LibraryError",
     "LinearStats",
@@ -228,6 +232,7 @@ __all__ = [
     "SceneContact",
     "Settings",
     "Sides",
+    "Shape",
     "Simulation",
     "SimulationResult",
     "Simulator",

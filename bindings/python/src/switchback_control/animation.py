@@ -10,10 +10,12 @@ from typing import Any
 import numpy
 
 from ._arrays import Array, number, vector
-from .bodies import Body, Fixed, Motion, States, _layout, _Touch
 from .errors import ArgumentError, RangeError, StateError, UnsupportedError
 from .plot import _pyplot
 from .runs import Run
+from .shapes import Body, Fixed, Motion, States, _Touch
+from ._space_pictures import frames
+from ._world_scene import layout_of
 
 __all__ = ["animate"]
 
@@ -37,14 +39,14 @@ def animate(
 ) -> None:
     """Animate a run of a scene: a GIF, with ffmpeg an MP4, or a page where `path` ends in .html.
 
-    The bodies of a `World` in the plane are drawn as they are, impacts as stars, with `forces` the contact forces as
+    The bodies of a `World` are drawn as they are; in the plane with impacts as stars, and with `forces` the contact forces as
     arrows. Of another scene `draw(axes, q, t)` draws what there is to see at coordinates `q`, on axes that are empty
     again; without it there is a point at (q[0], q[1]), or at (0, q[0]).
 
     `fps` are frames per second, `speed` is the time of the run that passes in a second, `size` is in inches (of 100
-    pixels), `limits` are (left, right, bottom, top); by default everything is inside. Errors: `ImportError` without
-    matplotlib or pillow, `StateError` for runs without dense output, `UnsupportedError` for worlds in space without
-    `draw`.
+    pixels), `limits` are (left, right, bottom, top), in space the least and the largest x, y and z; by default everything is inside.
+    Errors: `ImportError` without matplotlib or pillow, `StateError` for runs without dense output, `UnsupportedError` for
+    `forces` in space.
     """
     plt = _pyplot()
     scene = getattr(run.system, "_scene", None)
@@ -66,16 +68,21 @@ def animate(
     inches = vector(size, 2, "size")
     if not numpy.all((inches > 0.5) & (inches < 100.0)):
         raise RangeError(f"size is {size}: width and height in inches")
-    layout = _layout(run)
+    layout = layout_of(run)
     writer = _writer(path, rate)
-    if draw is None and layout is not None and layout.world.space:
-        raise UnsupportedError("bodies in space are not drawn: give draw=, a function of (axes, q, t)")
-    figure, ax = plt.subplots(figsize=tuple(inches), dpi=100, layout="constrained")
+    in_space = draw is None and layout is not None and layout.world.space
+    if in_space and forces:
+        raise UnsupportedError("forces are drawn in the plane only")
+    axes = {"projection": "3d"} if in_space else {}
+    figure, ax = plt.subplots(figsize=tuple(inches), dpi=100, layout="constrained", subplot_kw=axes)
     try:
-        view = None if limits is None else vector(limits, 4, "limits")
+        view = None if limits is None or in_space else vector(limits, 4, "limits")
         if view is not None and not (view[0] < view[1] and view[2] < view[3]):
             raise RangeError(f"limits are {limits}: left, right, bottom, top")
-        if draw is None and layout is not None:
+        frame: Callable[[int], Any]
+        if in_space:
+            frame = frames(ax, run, layout, times, limits)
+        elif draw is None and layout is not None:
             frame = _bodies(ax, run, times, view, forces, pace)
         else:
             frame = _drawn(ax, run, times, view, draw, scene.n_q, pace)
@@ -172,7 +179,7 @@ def _drawn(
 def _outline(body: Body) -> Array:
     """The outline of a body about its centre, at angle 0."""
     if body.shape in ("box", "rod"):
-        return numpy.array([(x, y) for _, x, y in body._spots])
+        return numpy.array([s.at for s in body._spots])
     if body.shape == "capsule":
         a = numpy.linspace(-0.5 * math.pi, 0.5 * math.pi, 25)
         end = body.radius * numpy.column_stack([numpy.cos(a), numpy.sin(a)]) + [0.5 * body.size[0], 0.0]
@@ -204,12 +211,12 @@ def _bodies(
     ax: Any, run: Run, times: Array, view: Any, forces: bool, pace: float
 ) -> Callable[[int], Any]:
     """Frames of the bodies of a world."""
-    layout = _layout(run)
+    layout = layout_of(run)
     assert layout is not None
     world = layout.world
     s = world._states(run, times)
-    ways = {b.name: world.trajectory(run, b, times) for b in world.bodies if b.name in layout.columns}
-    bodies = [b for b in world.bodies if b.name in layout.columns]
+    ways = {b.name: world.trajectory(run, b, times) for b in world.bodies if b in layout.bodies}
+    bodies = [b for b in world.bodies if b in layout.bodies]
     outlines = {b.name: _placed(_outline(b), ways[b.name]) for b in bodies}
     everywhere = numpy.vstack([o.reshape(-1, 2) for o in outlines.values()])
     low, high = everywhere.min(axis=0), everywhere.max(axis=0)
@@ -282,7 +289,7 @@ def _bodies(
 
 def _flashes(run: Run, touches: list[_Touch]) -> list[tuple[float, Array, float]]:
     """Times, places and sizes of the stars of impacts."""
-    layout = _layout(run)
+    layout = layout_of(run)
     assert layout is not None
     if not run.impacts:
         return []

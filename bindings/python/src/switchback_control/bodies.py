@@ -4,137 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy
 
+from . import _spatial as sp
 from ._arrays import Array, number, real, vector
 from ._ffi import ImpactLaw
+from ._world_scene import layout_of, write
 from .errors import ArgumentError, DimensionError, RangeError, StateError, UnsupportedError
-from .expr import Expr
+from .multibody import SIZES, Joint
 from .scene import Scene
+from .shapes import Body, Fixed, Motion, Shape, States, _Pair, inertia_of, place_of, positive, rotation, unit
 
 if TYPE_CHECKING:
     from .runs import Run
 
-__all__ = ["Body", "BodyState", "Fixed", "Motion", "States", "World"]
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A body that moves, as `World.disc` and its like return it.
-
-    name, shape    "disc", "box", "rod", "capsule", "point" in the plane, "sphere", "point" in space
-    mass, inertia  inertia about the centre of mass
-    radius         of discs, spheres and capsules, else 0
-    size           width and height of a box, length of a rod or between the ends of a capsule, and 0
-    """
-
-    name: str
-    shape: str
-    mass: float
-    inertia: float
-    radius: float = 0.0
-    size: tuple[float, float] = (0.0, 0.0)
-    turns: bool | None = None
-
-    @property
-    def _spots(self) -> list[tuple[str, float, float]]:
-        """What can touch a plane: names and places on the body of corners, ends and centres, all with its radius."""
-        a, b = 0.5 * self.size[0], 0.5 * self.size[1]
-        if self.shape == "box":
-            return [("lower left", -a, -b), ("lower right", a, -b), ("upper right", a, b), ("upper left", -a, b)]
-        if self.shape in ("rod", "capsule"):
-            return [("left", -a, 0.0), ("right", a, 0.0)]
-        return [("", 0.0, 0.0)]
-
-    @property
-    def _round(self) -> bool:
-        return self.shape in ("disc", "point", "sphere")
-
-    def __repr__(self) -> str:
-        return f"<Body '{self.name}': {self.shape}>"
-
-
-@dataclass(frozen=True, eq=False)
-class Fixed:
-    """A plane that bodies do not pass, in the plane a line: they are where normal . position >= offset.
-
-    `offset` is a number or a function of `States` (time, parameters); `speed` is the speed of its surface, a number, in
-    the plane along the normal turned by 90 degrees clockwise (to the right on a floor), a belt.
-    """
-
-    name: str
-    normal: tuple[float, ...]
-    offset: Any
-    speed: float = 0.0
-
-    @property
-    def _tangents(self) -> list[tuple[float, ...]]:
-        n = self.normal
-        if len(n) == 2:
-            return [(n[1], -n[0])]
-        # the axis the normal is farthest from, made perpendicular, and the third direction
-        k = int(numpy.argmin(numpy.abs(n)))
-        a = numpy.eye(3)[k] - n[k] * numpy.array(n)
-        a /= numpy.linalg.norm(a)
-        return [tuple(a.tolist()), tuple(numpy.cross(n, a).tolist())]
-
-    def __repr__(self) -> str:
-        return f"<Fixed '{self.name}'>"
-
-
-def _component(of: str, i: int) -> Any:
-    return property(lambda self: getattr(self, of)[i], doc=f"Component {i} of the {of}.")
-
-
-@dataclass(frozen=True)
-class BodyState:
-    """Position and velocity of a body: expressions, or arrays of numbers. `angle` and `omega` are None where the
-    rotation is not part of the scene; in space there is no angle, and `omega` are three numbers; in the plane no `z`
-    and `vz`."""
-
-    position: Any
-    velocity: Any
-    angle: Any = None
-    omega: Any = None
-
-    x = _component("position", 0)
-    y = _component("position", 1)
-    z = _component("position", 2)
-    vx = _component("velocity", 0)
-    vy = _component("velocity", 1)
-    vz = _component("velocity", 2)
-
-
-class States:
-    """The expressions of a world, for forces, moving planes, friction and restitution given as functions: `s[body]` is
-    a `BodyState`, the body given by itself or its name; `s.t` is the time, `s.u` and `s.p` are controls and
-    parameters."""
-
-    def __init__(self, world: World, states: dict[str, BodyState], u: Any, p: Any, t: Any):
-        self._world, self._states = world, states
-        self.u, self.p, self.t = u, p, t
-
-    def __getitem__(self, body: Any) -> BodyState:
-        return self._states[self._world._body(body).name]
-
-
-@dataclass(frozen=True)
-class Motion:
-    """The way of a body: arrays over the times `t`. `z` and `vz` are None in the plane, `angle` in space, where `omega`
-    has a column for each direction. Bodies whose rotation is not part of the scene turn as they began."""
-
-    t: Array
-    x: Array
-    y: Array
-    vx: Array
-    vy: Array
-    angle: Array | None = None
-    omega: Array | None = None
-    z: Array | None = None
-    vz: Array | None = None
+__all__ = ["World"]
 
 
 @dataclass(frozen=True)
@@ -143,96 +30,13 @@ class _Placed:
     velocity: tuple[float, ...]
     angle: float
     omega: Any
-
-
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    """Two things that may touch."""
-
-    a: Body
-    b: Body | Fixed
-    mu: Any
-    e: Any
-
-
-@dataclass(frozen=True, eq=False)
-class _Touch:
-    """A contact of the scene: a spot of a body with a plane or with a round body."""
-
-    name: str
-    a: Body
-    spot: int
-    b: Body | Fixed
-    mu: Any
-    e: Any
-
-    def geometry(self, s: States) -> tuple[Any, list[Any], list[Any], list[Any]]:
-        """Gap, normal from the other body to the first, sliding velocities, and the point of contact on the first. The
-        same lines make expressions and numbers, as the states are."""
-        a, radius = s[self.a], self.a.radius
-        _, bx, by = self.a._spots[self.spot]
-        centre, velocity = list(a.position), list(a.velocity)
-        if bx or by:
-            c, d = numpy.cos(a.angle), numpy.sin(a.angle)
-            ax, ay = c * bx - d * by, d * bx + c * by
-            centre = [a.x + ax, a.y + ay]
-            velocity = [a.vx - a.omega * ay, a.vy + a.omega * ax]
-        if isinstance(self.b, Fixed):
-            normal: list[Any] = list(self.b.normal)
-            gap = _dot(normal, centre) - radius - _value(self.b.offset, s)
-            sliding = [_dot(t, velocity) - self.b.speed for t in self.b._tangents]
-        else:
-            b = s[self.b]
-            between = [i - j for i, j in zip(centre, b.position)]
-            distance = numpy.sqrt(_dot(between, between))
-            normal = [d / distance for d in between]
-            gap = distance - radius - self.b.radius
-            relative = [i - j for i, j in zip(velocity, b.velocity)]
-            tangent = [normal[1], -normal[0]]
-            sliding = [_dot(tangent, relative)] if len(normal) == 2 else []
-            if sliding and b.omega is not None:
-                sliding[0] = sliding[0] + self.b.radius * b.omega
-        if a.omega is not None and radius:
-            if len(normal) == 2:
-                sliding[0] = sliding[0] + radius * a.omega
-            else:
-                tangents = self.b._tangents if isinstance(self.b, Fixed) else []
-                sliding = [v - radius * _dot(a.omega, numpy.cross(normal, t)) for v, t in zip(sliding, tangents)]
-        point = [i - radius * j for i, j in zip(centre, normal)]
-        return gap, normal, sliding, point
-
-
-@dataclass(frozen=True, eq=False)
-class _Layout:
-    """Where the bodies are in the states of a scene."""
-
-    world: World
-    touches: list[_Touch]
-    columns: dict[str, tuple[list[int], list[int], int | None, Any]]
-    fixed: list[Fixed] = field(default_factory=list)
-
-
-def _dot(a: Any, b: Any) -> Any:
-    out: Any = 0.0
-    for i, j in zip(a, b):
-        out = out + i * j
-    return out
-
-
-def _value(given: Any, s: States) -> Any:
-    return given(s) if callable(given) else given
-
-
-def _positive(value: Any, name: str) -> float:
-    given = number(value, name)
-    if not (given > 0.0 and math.isfinite(given)):
-        raise RangeError(f"{name} is {given:g}: it must be positive")
-    return given
+    turn: Any = None
 
 
 class World:
-    """Rigid bodies with contacts: discs, boxes, rods, capsules and points in the plane, spheres and points in space,
-    and planes that they do not pass. It writes the expressions of a `Scene`, which is there as `scene`.
+    """Rigid bodies with contacts: discs, boxes, rods, capsules and points in the plane; spheres, boxes, capsules, ellipsoids,
+    points and links of several shapes in space, with joints; and planes that they do not pass. It writes the expressions of a
+    `Scene`, which is there as `scene`.
 
         w = swb.World(e=0.8)
         ball, floor = w.disc(0.1, mass=1.0, name="ball"), w.floor()
@@ -244,8 +48,9 @@ class World:
     have none of their own: numbers, or functions of `States` that return an expression. `controls` and `parameters` are
     numbers or names, as in a scene; `impact_law` is "newton" or "sequential" (see `Scene.impact_law`).
 
-    Angles and angular velocities are counter-clockwise. A disc without friction does not need its angle: it is left
-    out.
+    Angles and angular velocities are counter-clockwise. A disc or sphere without friction does not need its rotation: it is
+    left out. Other bodies in space have a quaternion. Only its direction counts, so its length needs no care. Their velocities
+    in the scene are that of the centre of mass, along the axes of the world, and the angular velocity along those of the body.
     """
 
     def __init__(
@@ -270,15 +75,18 @@ class World:
         self._controls, self._parameters = controls, parameters
         self.bodies: list[Body] = []
         self.fixed: list[Fixed] = []
+        self.joints: list[Joint] = []
+        self._constraints: list[tuple[str, Callable[[States], Any]]] = []
         self._pairs: list[_Pair] | None = None
         self._forces: dict[str, list[Callable[[States], Any]]] = {}
         self._placed: dict[str, _Placed] = {}
+        self._placed_joints: dict[str, tuple[list[float], list[float]]] = {}
         self._scene: Scene | None = None
 
     # --- what there is ------------------------------------------------------------------------------------
 
     def _name(self, name: str | None, shape: str) -> str:
-        taken = {b.name for b in self.bodies} | {f.name for f in self.fixed}
+        taken = {b.name for b in self.bodies} | {f.name for f in self.fixed} | {j.name for j in self.joints}
         if name is None:
             same = (f"{shape} {k}" if k > 1 else shape for k in range(1, len(taken) + 2))
             return next(n for n in same if n not in taken)
@@ -289,13 +97,29 @@ class World:
         return name
 
     def _add(self, shape: str, name: str | None, mass: Any, inertia: Any, own: float, **sizes: Any) -> Body:
-        if self.space != (shape == "sphere") and shape != "point":
-            there = "spheres, points and planes" if self.space else "discs, boxes, rods, capsules, points and planes"
-            raise UnsupportedError(f"this world is {'in space' if self.space else 'in the plane'}: it has {there}")
+        if self.space:
+            there = "spheres, boxes, capsules, ellipsoids, points, links and planes"
+            raise UnsupportedError(f"this world is in space: it has {there}, not {shape}s")
         name = self._name(name, shape)
-        m = _positive(mass, f"the mass of {name}")
-        j = m * own if inertia is None else _positive(inertia, f"the inertia of {name}")
-        body = Body(name, shape, m, j, **sizes)
+        m = positive(mass, f"the mass of {name}")
+        j = m * own if inertia is None else positive(inertia, f"the inertia of {name}")
+        return self._took(Body(name, shape, m, j, **sizes))
+
+    def _add_in_space(
+        self, shape: str, name: str | None, mass: Any, inertia: Any, own: Any, shapes: Sequence[Shape], **sizes: Any
+    ) -> Body:
+        """Add a body; `own` are the moments of inertia of a homogeneous one of mass one about its axes."""
+        if not self.space:
+            there = "discs, boxes, rods, capsules, points and planes"
+            raise UnsupportedError(f"this world is in the plane: it has {there}, not {shape}s")
+        name = self._name(name, shape)
+        m = positive(mass, f"the mass of {name}")
+        if inertia is None and any(any(s.at) for s in shapes):
+            raise ArgumentError(f"{name} has its centre of mass beside the middle: give its inertia")
+        j = inertia_of(m * numpy.asarray(own) if inertia is None else inertia, f"the inertia of {name}")
+        return self._took(Body(name, shape, m, j, shapes=tuple(shapes), **sizes))
+
+    def _took(self, body: Body) -> Body:
         self.bodies.append(body)
         self._scene = None
         return body
@@ -310,27 +134,61 @@ class World:
     ) -> Body:
         """Add a disc; without `inertia` it is homogeneous. Its rotation is part of the scene where a contact of it has
         friction, or as `turns` says."""
-        r = _positive(radius, "the radius of a disc")
+        r = positive(radius, "the radius of a disc")
         return self._add("disc", name, mass, inertia, 0.5 * r * r, radius=r, turns=turns)
 
     def box(
-        self, width: float, height: float, mass: float, inertia: float | None = None, name: str | None = None
+        self,
+        width: float,
+        height: float,
+        mass: float,
+        inertia: Any = None,
+        name: str | None = None,
+        *,
+        depth: float | None = None,
+        centre: Any = (0.0, 0.0, 0.0),
     ) -> Body:
-        """Add a box, whose four corners touch planes; without `inertia` it is homogeneous."""
-        w, h = _positive(width, "the width of a box"), _positive(height, "the height of a box")
-        return self._add("box", name, mass, inertia, (w * w + h * h) / 12.0, size=(w, h), turns=True)
+        """Add a box, whose corners touch planes; without `inertia` it is homogeneous. In space its width is along x, its
+        `depth` along y and its height along z; `inertia` is then a matrix, or moments about three axes, and `centre` its
+        middle, from the centre of mass."""
+        w, h = positive(width, "the width of a box"), positive(height, "the height of a box")
+        if not self.space:
+            if depth is not None:
+                raise UnsupportedError("a box in the plane has no depth")
+            return self._add("box", name, mass, inertia, (w * w + h * h) / 12.0, size=(w, h), turns=True)
+        if depth is None:
+            raise ArgumentError("a box in space needs a depth: box(width, height, mass, depth=...)")
+        d = positive(depth, "the depth of a box")
+        own = (d * d + h * h) / 12.0, (w * w + h * h) / 12.0, (w * w + d * d) / 12.0
+        shape = Shape("box", (w, d, h), at=place_of(centre, "centre"))
+        return self._add_in_space("box", name, mass, inertia, own, [shape], size=(w, d, h), turns=True)
 
     def rod(self, length: float, mass: float, inertia: float | None = None, name: str | None = None) -> Body:
         """Add a thin rod, whose ends touch planes; it is horizontal at angle 0. Without `inertia` it is homogeneous."""
-        n = _positive(length, "the length of a rod")
+        n = positive(length, "the length of a rod")
         return self._add("rod", name, mass, inertia, n * n / 12.0, size=(n, 0.0), turns=True)
 
     def capsule(
-        self, length: float, radius: float, mass: float, inertia: float | None = None, name: str | None = None
+        self,
+        length: float,
+        radius: float,
+        mass: float,
+        inertia: Any = None,
+        name: str | None = None,
+        *,
+        centre: Any = (0.0, 0.0, 0.0),
     ) -> Body:
-        """Add a rod with round ends, `length` between their centres, which touch planes; horizontal at angle 0. Without
-        `inertia` it is homogeneous."""
-        n, r = _positive(length, "the length of a capsule"), _positive(radius, "the radius of a capsule")
+        """Add a rod with round ends, `length` between their centres, which touch planes; along x where it is not turned.
+        Without `inertia` it is homogeneous. `centre`, in space: see `box`."""
+        n, r = positive(length, "the length of a capsule"), positive(radius, "the radius of a capsule")
+        if self.space:
+            # a cylinder and two half balls, whose centres of mass are 3/8 r outside of its ends
+            middle, ends = n / (n + 4.0 / 3.0 * r), 4.0 / 3.0 * r / (n + 4.0 / 3.0 * r)
+            along = middle * 0.5 * r * r + ends * 0.4 * r * r
+            across = middle * (0.25 * r * r + n * n / 12.0) + ends * (0.4 * r * r + 0.25 * n * n + 0.375 * n * r)
+            shape = Shape("capsule", (n,), r, place_of(centre, "centre"))
+            own3 = along, across, across
+            return self._add_in_space("capsule", name, mass, inertia, own3, [shape], radius=r, size=(n,), turns=True)
         middle, ends = 2.0 * r * n, math.pi * r * r
         j_middle = (n * n + 4.0 * r * r) / 12.0
         j_ends = 0.5 * r * r + 0.25 * n * n + n * 4.0 * r / (3.0 * math.pi)
@@ -338,25 +196,72 @@ class World:
         return self._add("capsule", name, mass, inertia, own, radius=r, size=(n, 0.0), turns=True)
 
     def point(self, mass: float, name: str | None = None) -> Body:
-        """Add a point, which does not turn."""
+        """Add a point, which does not turn by itself."""
+        if self.space:
+            return self._add_in_space("point", name, mass, 0.0, 0.0, [Shape("point")], turns=False)
         return self._add("point", name, mass, None, 1.0, turns=False)
 
     def sphere(
         self,
         radius: float,
         mass: float,
-        inertia: float | None = None,
+        inertia: Any = None,
         name: str | None = None,
         turns: bool | None = None,
+        *,
+        centre: Any = (0.0, 0.0, 0.0),
     ) -> Body:
         """Add a sphere, in space; without `inertia` it is homogeneous. With friction its angular velocity is part of
-        the scene (three more velocities and no coordinates: a sphere looks the same from everywhere)."""
-        r = _positive(radius, "the radius of a sphere")
-        return self._add("sphere", name, mass, inertia, 0.4 * r * r, radius=r, turns=turns)
+        the scene (three more velocities and no coordinates: a sphere looks the same from everywhere). Where its inertia is a
+        matrix or three moments, or its `centre` beside the centre of mass, it has an orientation too."""
+        r = positive(radius, "the radius of a sphere")
+        shape = Shape("sphere", (), r, place_of(centre, "centre"))
+        body = self._add_in_space("sphere", name, mass, inertia, 0.4 * r * r, [shape], radius=r, turns=turns)
+        if numpy.ndim(body.inertia) or any(shape.at):
+            if turns is False:
+                self.bodies.pop()
+                raise ArgumentError(f"{body.name} has axes of its own: it turns")
+            self.bodies[-1] = body = replace(body, turns=True)
+        return body
 
-    def plane(self, normal: Any, offset: Any = 0.0, name: str | None = None, speed: float = 0.0) -> Fixed:
+    def ellipsoid(
+        self,
+        a: float,
+        b: float,
+        c: float,
+        mass: float,
+        inertia: Any = None,
+        name: str | None = None,
+        *,
+        centre: Any = (0.0, 0.0, 0.0),
+    ) -> Body:
+        """Add an ellipsoid with semi-axes along x, y and z, in space; it touches planes. Without `inertia` it is homogeneous.
+        `centre`: see `box`."""
+        semi = tuple(positive(s, f"the semi-axis {n} of an ellipsoid") for n, s in zip("abc", (a, b, c)))
+        x, y, z = (s * s / 5.0 for s in semi)
+        shape = Shape("ellipsoid", semi, at=place_of(centre, "centre"))
+        return self._add_in_space("ellipsoid", name, mass, inertia, (y + z, x + z, x + y), [shape], size=semi, turns=True)
+
+    def link(self, mass: float, inertia: Any, shapes: Sequence[Shape] = (), name: str | None = None) -> Body:
+        """Add a body of any shapes, or of none, in space: `shapes` are `Shape`s, `inertia` a matrix, or moments about three axes,
+        in the axes of the body about its centre of mass."""
+        listed = [shapes] if isinstance(shapes, Shape) else list(shapes)
+        for shape in listed:
+            if not isinstance(shape, Shape):
+                raise ArgumentError(f"the shapes of a link are a list of Shape, not {shape!r:.40}")
+        if inertia is None:
+            raise ArgumentError("a link needs an inertia: a matrix, or moments about three axes")
+        j = inertia_of(inertia, "the inertia of a link")
+        whole = j if numpy.ndim(j) else j * numpy.eye(3)
+        return self._add_in_space("link", name, mass, whole, 0.0, listed, turns=True)
+
+    def plane(
+        self, normal: Any, offset: Any = 0.0, name: str | None = None, speed: float = 0.0, on: Any = None
+    ) -> Fixed:
         """Add a plane, in the plane a line: bodies stay where normal . position >= offset. The normal is made a unit
-        vector. `offset` may be a function of `States`, of time and parameters; `speed` is that of a belt (`Fixed`)."""
+        vector. `offset` may be a function of `States`, of time and parameters; `speed` is that of a belt (`Fixed`). With a
+        body `on` it is a side of this body that goes on for ever, with normal and offset in its axes, from its centre of
+        mass: the pad of a gripper, a tray."""
         n = vector(normal, self._n, "normal")
         length = float(numpy.linalg.norm(n))
         if not (length > 0.0 and math.isfinite(length)):
@@ -365,7 +270,7 @@ class World:
         if moved and self.space:
             raise UnsupportedError("the surface of a plane in space does not move along itself")
         at = offset if callable(offset) else number(offset, "offset")
-        made = Fixed(self._name(name, "plane"), tuple((n / length).tolist()), at, moved)
+        made = Fixed(self._name(name, "plane"), tuple((n / length).tolist()), at, moved, None if on is None else self._body(on))
         self.fixed.append(made)
         self._scene = None
         return made
@@ -409,8 +314,9 @@ class World:
         any, all pairs that are not named yet. `mu` and `e` are their friction and restitution. A world of which this is
         never said has contacts of all pairs.
 
-        A box, rod or capsule touches planes only: the distance of its side from another body is not smooth where the
-        nearest point passes a corner. Without friction, or with it in the plane, round bodies touch each other.
+        Boxes, rods, capsules and ellipsoids touch planes only: the distance of a side from another body is not smooth where
+        the nearest point passes a corner. Round bodies touch each other. Bodies that a joint holds together are no pair unless
+        they are named.
         """
         mu, e = (self.mu if mu is None else mu), (self.e if e is None else e)
         old = list(self._pairs or [])
@@ -424,46 +330,147 @@ class World:
             a, b = (self._thing(thing) for thing in pair)
             if isinstance(a, Fixed):
                 a, b = b, a
-            if isinstance(a, Fixed) or a is b:
+            if isinstance(a, Fixed) or a is b or getattr(b, "on", None) is a:
                 raise ArgumentError(f"{pair[0]!r} and {pair[1]!r} do not move against each other")
             if any({p.a, p.b} == {a, b} for p in old + new):
                 raise ArgumentError(f"{a.name} and {b.name} are a pair already")
-            self._check_shapes(a, b, mu)
+            self._check_shapes(a, b)
             new.append(_Pair(a, b, mu, e))
         self._pairs = old + new
         self._scene = None
 
     def _all_pairs(self) -> list[tuple[Body, Body | Fixed]]:
-        planes = [(a, f) for a in self.bodies for f in self.fixed]
-        return planes + [(a, b) for i, a in enumerate(self.bodies) for b in self.bodies[i + 1 :]]
+        held = {frozenset((j.parent.name, j.body.name)) for j in self.joints if j.parent is not None}
+        shaped = [b for b in self.bodies if b._spots]
+        planes = [
+            (a, f)
+            for a in shaped
+            for f in self.fixed
+            if f.on is None or (f.on is not a and frozenset((a.name, f.on.name)) not in held)
+        ]
+        return planes + [
+            (a, b) for i, a in enumerate(shaped) for b in shaped[i + 1 :] if frozenset((a.name, b.name)) not in held
+        ]
 
-    def _check_shapes(self, a: Body, b: Body | Fixed, mu: Any) -> None:
+    def _check_shapes(self, a: Body, b: Body | Fixed) -> None:
+        for body in (a, b):
+            if isinstance(body, Body) and not body._spots:
+                raise UnsupportedError(f"{body.name} has no shape: it touches nothing. Give the link shapes")
         if isinstance(b, Fixed):
             return
         if not (a._round and b._round):
             raise UnsupportedError(
                 f"{a.name} ({a.shape}) and {b.name} ({b.shape}): the distance of sides and corners is not smooth; "
-                "boxes, rods and capsules touch planes only. Name the pairs that may touch, without this one"
+                "boxes, rods, capsules and ellipsoids touch planes only. Name the pairs that may touch, without this one"
             )
-        if not a.radius and not b.radius:
+        if not any(s.radius for s in a._spots + b._spots):
             raise UnsupportedError(
                 f"{a.name} and {b.name} are points: they do not touch. Name the pairs that may touch, without this one"
             )
-        if self.space and _rough(mu):
-            raise UnsupportedError(
-                f"{a.name} and {b.name}: friction of two spheres needs two tangents that turn with the normal, and "
-                "there are no smooth ones for every direction; give this pair mu=0"
-            )
 
     def force(self, body: Any, f: Callable[[States], Any]) -> None:
-        """Add a force on a body, beside its weight: `f` is a function of `States` that returns its components,
-        expressions or numbers; in the plane a third one is a torque.
+        """Add a force on a body, beside its weight: `f` is a function of `States` that returns its components along the axes of
+        the world, expressions or numbers; in the plane a third one is a torque, in space three more are. At a hinge or slider
+        it is one, the torque or force along it.
 
             w.force(block, lambda s: [-k * s["block"].x + s.u[0], 0.0])
+            w.force(hinge, lambda s: s.u[0] - 0.1 * s[hinge].v)
         """
         if not callable(f):
             raise ArgumentError(f"a force is a function of the states, not {type(f).__name__}: lambda s: [fx, fy]")
-        self._forces.setdefault(self._body(body).name, []).append(f)
+        joint = self._joint(body)
+        if joint is not None and (joint.loop or joint.kind not in ("hinge", "slider")):
+            raise UnsupportedError(f"{joint.name} has no single coordinate: give its bodies forces and torques")
+        self._forces.setdefault(self._body(body).name if joint is None else joint.name, []).append(f)
+        self._scene = None
+
+    # --- joints -------------------------------------------------------------------------------------------
+
+    def joint(
+        self,
+        kind: str,
+        parent: Any,
+        body: Any,
+        at: Any = (0.0, 0.0, 0.0),
+        to: Any = (0.0, 0.0, 0.0),
+        axis: Any = (0.0, 0.0, 1.0),
+        *,
+        turn: Any = None,
+        limits: tuple[Any, Any] | None = None,
+        e: Any = 0.0,
+        damping: Any = 0.0,
+        friction: Any = 0.0,
+        stiction: Any = None,
+        armature: Any = 0.0,
+        loop: bool | None = None,
+        name: str | None = None,
+    ) -> Joint:
+        """Add a joint between two bodies in space: "hinge", "slider", "ball" or "fixed".
+
+        parent, body   `parent` is None for the world
+        at, to         the point of the joint on each, from its centre of mass, in its axes
+        axis           of hinges and sliders, in the axes of `body`
+        turn           rotation of `body` against `parent` at zero: a quaternion (w, x, y, z), three angles about the fixed
+                       axes x, y, z, or a matrix; none by default
+        limits, e      of a hinge or slider: stops at the least and the largest value, contacts with restitution `e`
+        damping, friction, stiction, armature   of a hinge or slider: force per rate, dry friction, what holds at rest, and
+                       inertia beside that of the bodies
+        loop           True for constraints between bodies that have coordinates of their own. By default that is what a joint
+                       becomes where its body hangs on another one already, or the loop closes; else the body moves in the
+                       coordinate of the joint, and is placed by it (`set`)
+
+        Numbers of a joint may be functions of `States`, of time and parameters.
+        """
+        if not self.space:
+            raise UnsupportedError("joints are for worlds in space; in the plane add constraints to a Scene")
+        kinds = [k for k in SIZES if k not in ("free", "round", "point")]
+        if kind not in kinds:
+            raise ArgumentError(f"a joint is one of {', '.join(kinds)}, not {kind!r:.40}")
+        b, a = self._body(body), None if parent is None else self._body(parent)
+        if a is b:
+            raise ArgumentError(f"{b.name} cannot be joined to itself")
+        if a is not None and a.shape == "point":
+            raise UnsupportedError(f"{a.name} is a point, which does not turn: nothing is joined to it")
+        closes = any(j.body is b and not j.loop for j in self.joints) or self._hangs_on(a, b)
+        if loop is False and closes:
+            raise ArgumentError(f"{b.name} is held already, or {a.name if a else 'the world'} hangs on it: this joint closes a loop")
+        looped = closes if loop is None else bool(loop)
+        if looped and b.shape == "point" and kind != "ball":
+            raise UnsupportedError(f"{b.name} is a point, which does not turn: join it by a ball")
+        own = {"damping": damping, "friction": friction, "armature": armature}
+        extra = [n for n, value in own.items() if callable(value) or number(value, n) != 0.0] + ["limits"] * (limits is not None)
+        if extra and (looped or kind not in ("hinge", "slider")):
+            raise UnsupportedError(f"{extra[0]} is for hinges and sliders that are no constraint: this joint has no coordinate")
+        for n, value in own.items():
+            if not callable(value) and not number(value, n) >= 0.0:
+                raise RangeError(f"{n} is {value}: it must not be negative")
+        made = Joint(
+            self._name(name, kind), kind, a, b, place_of(at, "at"), place_of(to, "to"), unit(axis, "axis"),
+            rotation(turn, "turn"), looped, _limits(limits), e, damping, friction, stiction, armature,
+        )  # fmt: skip
+        self.joints.append(made)
+        self._scene = None
+        return made
+
+    def _hangs_on(self, a: Body | None, b: Body) -> bool:
+        """Does a move with b?"""
+        while a is not None:
+            if a is b:
+                return True
+            a = next((j.parent for j in self.joints if j.body is a and not j.loop), None)
+        return False
+
+    def _joint(self, joint: Any) -> Joint | None:
+        return next((j for j in self.joints if j is joint or (isinstance(joint, str) and j.name == joint)), None)
+
+    def constraint(self, name: str, zero: Callable[[States], Any]) -> None:
+        """Add a constraint (`Scene.constraint`): `zero` is a function of `States` that returns the expression.
+
+        w.constraint("gear", lambda s: s[first].q - 3.0 * s[second].q)
+        """
+        if not callable(zero):
+            raise ArgumentError(f"a constraint is a function of the states, not {type(zero).__name__}: lambda s: s[joint].q")
+        self._constraints.append((self._name(name, "constraint"), zero))
         self._scene = None
 
     # --- the scene ----------------------------------------------------------------------------------------
@@ -479,82 +486,13 @@ class World:
         if self._pairs is not None:
             return self._pairs
         for a, b in self._all_pairs():
-            self._check_shapes(a, b, self.mu)
+            self._check_shapes(a, b)
         return [_Pair(a, b, self.mu, self.e) for a, b in self._all_pairs()]
-
-    def _turns(self, body: Body, pairs: list[_Pair]) -> bool:
-        if body.turns is not None:
-            return body.turns
-        return any(_rough(p.mu) for p in pairs if body is p.a or body is p.b)
 
     def _write(self) -> Scene:
         if not self.bodies:
             raise StateError("there are no bodies in this world")
-        pairs = self._stated()
-        axes = ("x", "y", "z")[: self._n]
-        q, v, columns = [], [], {}
-        for body in self.bodies:
-            turns = self._turns(body, pairs)
-            at = list(range(len(q), len(q) + self._n))
-            move = list(range(len(v), len(v) + self._n))
-            q += [f"{body.name}.{c}" for c in axes]
-            v += [f"{body.name}.v{c}" for c in axes]
-            angle = omega = None
-            if turns and self.space:
-                omega = list(range(len(v), len(v) + 3))
-                v += [f"{body.name}.omega_{c}" for c in axes]
-            elif turns:
-                angle, omega = len(q), len(v)
-                q.append(f"{body.name}.angle")
-                v.append(f"{body.name}.omega")
-            columns[body.name] = (at, move, angle, omega)
-        scene = Scene(q, v, self._controls, self._parameters, name=self.name)
-        shift = {n: (at, [len(q) + i for i in move], a, _shifted(o, len(q))) for n, (at, move, a, o) in columns.items()}
-        states = States(
-            self, {n: _state(scene.x, where) for n, where in shift.items()}, scene.u, scene.p, scene.t
-        )
-        inertia, force = numpy.zeros(len(v)), [scene.graph.constant(0.0)] * len(v)
-        rates: list[Any] = [None] * len(q)
-        for body in self.bodies:
-            at, move, angle, omega = columns[body.name]
-            inertia[move] = body.mass
-            for i, j, g in zip(at, move, self.gravity):
-                force[j] = scene.graph.constant(body.mass * g)
-                rates[i] = scene.v[j]
-            places = move + ([] if omega is None else list(numpy.atleast_1d(omega)))
-            inertia[places[self._n :]] = body.inertia
-            if angle is not None:
-                rates[angle] = scene.v[omega]
-            for f in self._forces.get(body.name, []):
-                self._add_force(force, places, body, f(states))
-        if len(q) != len(v):
-            scene.rates(rates)
-        scene.inertia(inertia)
-        scene.force(force)
-        touches = []
-        for p in pairs:
-            for k, (spot, _, _) in enumerate(p.a._spots):
-                name = f"{p.a.name} {spot}-{p.b.name}" if spot else f"{p.a.name}-{p.b.name}"
-                touch = _Touch(name, p.a, k, p.b, p.mu, p.e)
-                gap, _, sliding, _ = touch.geometry(states)
-                tangents = sliding if _rough(p.mu) else []
-                scene.contact(name, gap, tangents, mu=_value(p.mu, states), e=_value(p.e, states))
-                touches.append(touch)
-        scene.impact_law(self.impact_law)
-        scene._layout = _Layout(self, touches, shift, list(self.fixed))
-        return scene
-
-    def _add_force(self, force: list[Any], places: list[int], body: Body, given: Any) -> None:
-        try:
-            parts = list(given)
-        except TypeError:
-            raise ArgumentError(f"the force on {body.name} must be a list of components, not {given!r:.60}") from None
-        if len(parts) > len(places) and len(parts) == self._n + (3 if self.space else 1):
-            raise ArgumentError(f"there is a torque on {body.name}, which does not turn: make it with turns=True")
-        if len(parts) not in (self._n, len(places)):
-            raise DimensionError(f"the force on {body.name} has {len(parts)} components, expected {self._n}")
-        for i, part in zip(places, parts):
-            force[i] = force[i] + part
+        return write(self, self._stated())
 
     # --- runs ---------------------------------------------------------------------------------------------
 
@@ -570,39 +508,63 @@ class World:
         *,
         z: float = 0.0,
         vz: float = 0.0,
+        turn: Any = None,
     ) -> None:
-        """Place the centre of a body where a simulation begins, with its velocity; in space `omega` are three
-        numbers."""
+        """Place the centre of mass of a body where a simulation begins, with its velocity. In space `omega` are three
+        numbers along the axes of the world, and `turn` is the orientation: a quaternion (w, x, y, z), three angles about
+        the fixed axes x, y, z, one after the other, or a matrix."""
         b = self._body(body)
         named = {"x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz, "angle": angle}
         n = {name: number(value, f"{name} of {b.name}") for name, value in named.items()}
         if not self.space and (n["z"] or n["vz"]):
             raise UnsupportedError("this world is in the plane: there is no z")
+        if not self.space and turn is not None:
+            raise UnsupportedError("this world is in the plane: a body is turned by its angle")
         if self.space and n["angle"]:
-            raise UnsupportedError("spheres have no angle in space")
+            raise UnsupportedError("bodies have no angle in space: give turn, a quaternion or three angles")
+        held = next((j for j in self.joints if j.body is b and not j.loop), None)
+        if held is not None:
+            raise StateError(f"{b.name} is where its joint is: set({held.name!r}, ...)")
         if self.space:
             none = numpy.ndim(omega) == 0 and not omega
-            turn: Any = numpy.zeros(3) if none else vector(omega, 3, f"omega of {b.name}")
+            moves: Any = numpy.zeros(3) if none else vector(omega, 3, f"omega of {b.name}")
         else:
-            turn = number(omega, f"omega of {b.name}")
+            moves = number(omega, f"omega of {b.name}")
         position, velocity = (n["x"], n["y"], n["z"])[: self._n], (n["vx"], n["vy"], n["vz"])[: self._n]
-        self._placed[b.name] = _Placed(position, velocity, n["angle"], turn)
+        turned = rotation(turn, f"turn of {b.name}")
+        self._placed[b.name] = _Placed(position, velocity, n["angle"], moves, turned)
+
+    def set(self, joint: Any, q: Any, v: Any = 0.0) -> None:
+        """Set where a joint is when a simulation begins, and its rate: angle or way, and of a ball joint `turn` as in `place`, and
+        an angular velocity along the axes of the second body. Joints that are not set begin at zero."""
+        j = self._joint(joint)
+        if j is None:
+            known = ", ".join(j.name for j in self.joints) or "none"
+            raise ArgumentError(f"{joint!r} is no joint of this world, which has {known}")
+        if j.loop or j.kind == "fixed":
+            raise UnsupportedError(f"{j.name} has no coordinate: its bodies are placed")
+        if j.kind == "ball":
+            still = numpy.ndim(v) == 0 and not v
+            rate = [0.0] * 3 if still else vector(v, 3, f"the rate of {j.name}").tolist()
+            self._placed_joints[j.name] = sp.quaternion_of(rotation(q, f"the turn of {j.name}")), rate
+        else:
+            self._placed_joints[j.name] = [number(q, f"q of {j.name}")], [number(v, f"v of {j.name}")]
+
+    def _placed_of(self, name: str) -> _Placed:
+        if name not in self._placed:
+            raise StateError(f"{name} is not placed: say where it begins (place)")
+        return self._placed[name]
 
     def start(self) -> tuple[Array, Array]:
         """Coordinates and velocities of the scene as the bodies are placed."""
         scene = self.scene
         x = numpy.zeros(scene.nx)
-        for body in self.bodies:
-            if body.name not in self._placed:
-                raise StateError(f"{body.name} is not placed: say where it begins (place)")
-            at, move, angle, omega = scene._layout.columns[body.name]
-            placed = self._placed[body.name]
-            x[at], x[move] = placed.position, placed.velocity
-            if angle is not None:
-                x[angle] = placed.angle
-            if omega is not None:
-                x[omega] = placed.omega
+        scene._layout.put(x)
         return x[: scene.n_q], x[scene.n_q :]
+
+    def _states_at(self, q: Any, v: Any) -> States:
+        """The states of all bodies at coordinates and velocities."""
+        return self.scene._layout.read(numpy.concatenate([q, v]), None, None, 0.0)
 
     def simulate(self, t_span: Any, **keywords: Any) -> Run:
         """Simulate from where the bodies are placed; see `switchback_control.simulate` for the rest."""
@@ -612,28 +574,48 @@ class World:
 
     def _states(self, run: Run, t: Array, after: bool = False) -> States:
         """The states of all bodies at times of a run, as numbers; with `after` behind the impacts at these times."""
-        layout = _layout(run)
+        layout = layout_of(run)
         if layout is None or layout.world is not self:
             raise ArgumentError("this is no run of this world")
         times = numpy.clip(numpy.nextafter(t, numpy.inf), run.t_start, run.t_end) if after else t
         x = numpy.moveaxis(run(times), -1, 0)
         p = None if run._p is None else run._p
-        return States(self, {n: _state(x, where) for n, where in layout.columns.items()}, None, p, times)
+        return layout.read(x, None, p, times)
 
-    def trajectory(self, run: Run, body: Any, t: Any = None) -> Motion:
-        """The way of a body in a run of this world, at times (by default those of the run's steps)."""
-        b = self._body(body)
+    def trajectory(self, run: Run, body: Any, t: Any = None) -> Any:
+        """The way of a body in a run of this world, at times (by default those of the run's steps): a `Motion`. Of a joint it is
+        a `JointState` of arrays."""
+        joint = self._joint(body)
+        b = None if joint is not None else self._body(body)
         times = run.t if t is None else real(t, "t")
-        s = self._states(run, times)[b]
+        s = self._states(run, times)[joint if b is None else b]
+        if b is None:
+            return s
+        if self.space:
+            return self._way_in_space(run, b, s, times)
         placed = getattr(run, "_placed", self._placed).get(b.name)
         angle, omega = s.angle, s.omega
-        if self.space:
-            omega = numpy.moveaxis(numpy.asarray(omega), 0, -1) if omega is not None else None
         if omega is None and placed is not None:
-            omega = numpy.broadcast_to(placed.omega, (*times.shape, 3) if self.space else times.shape).copy()
-            angle = None if self.space else placed.angle + placed.omega * (times - run.t_start)
-        z, vz = (s.z, s.vz) if self.space else (None, None)
-        return Motion(times, s.x, s.y, s.vx, s.vy, angle, omega, z, vz)
+            omega = numpy.broadcast_to(placed.omega, times.shape).copy()
+            angle = placed.angle + placed.omega * (times - run.t_start)
+        return Motion(times, s.x, s.y, s.vx, s.vy, angle, omega)
+
+    def _way_in_space(self, run: Run, b: Body, s: Any, times: Array) -> Motion:
+        def full(c: Any) -> Array:
+            return numpy.broadcast_to(numpy.asarray(c, dtype=float), times.shape).copy()
+
+        placed = getattr(run, "_placed", self._placed).get(b.name)
+        omega = quaternion = None
+        if s.omega is not None:
+            omega = numpy.stack([full(c) for c in s.omega], axis=-1)
+        elif placed is not None:
+            omega = numpy.broadcast_to(placed.omega, (*times.shape, 3)).copy()
+        if s.rotation is not None:
+            rows = numpy.stack([numpy.stack([full(c) for c in row], axis=-1) for row in s.rotation], axis=-2)
+            found = [sp.quaternion_of(m) for m in rows.reshape(-1, 3, 3)]
+            quaternion = _continued(numpy.array(found)).reshape(*times.shape, 4)
+        x, y, z, vx, vy, vz = (full(c) for c in (*s.position, *s.velocity))
+        return Motion(times, x, y, vx, vy, None, omega, z, vz, quaternion)
 
     def animate(self, run: Run, path: Any, **keywords: Any) -> None:
         """See `switchback_control.animate`."""
@@ -641,26 +623,31 @@ class World:
 
         animate(run, path, **keywords)
 
+    def picture(self, run: Run, t: float, ax: Any = None, limits: Any = None) -> Any:
+        """Draw the bodies of a world in space at a time of a run, on axes of matplotlib in three dimensions (`ax`, by default
+        new ones), and return the axes. `limits` are the least and the largest x, y and z. In the plane see `animate`."""
+        from ._space_pictures import picture
+
+        if not self.space:
+            raise UnsupportedError("pictures are for worlds in space; in the plane use animate")
+        return picture(run, t, ax, limits)
+
     def __repr__(self) -> str:
         return f"<World '{self.name}': {len(self.bodies)} bodies, {len(self.fixed)} planes>"
 
 
-def _rough(mu: Any) -> bool:
-    """Is there friction?"""
-    return callable(mu) or isinstance(mu, Expr) or number(mu, "mu") != 0.0
+def _limits(given: Any) -> tuple[Any, Any]:
+    if given is None:
+        return -math.inf, math.inf
+    if not isinstance(given, (tuple, list)) or len(given) != 2:
+        raise ArgumentError(f"limits are the least and the largest value of a joint, not {given!r:.40}")
+    low, high = (v if callable(v) else float(v) for v in given)
+    if not callable(low) and not callable(high) and not low < high:
+        raise RangeError(f"limits are {given}: the first must be less than the second")
+    return low, high
 
 
-def _shifted(omega: Any, by: int) -> Any:
-    if omega is None:
-        return None
-    return [i + by for i in omega] if isinstance(omega, list) else omega + by
-
-
-def _state(x: Any, where: tuple[list[int], list[int], int | None, Any]) -> BodyState:
-    at, move, angle, omega = where
-    turn = None if omega is None else ([x[i] for i in omega] if isinstance(omega, list) else x[omega])
-    return BodyState([x[i] for i in at], [x[i] for i in move], None if angle is None else x[angle], turn)
-
-
-def _layout(run: Run) -> _Layout | None:
-    return getattr(getattr(run.system, "_scene", None), "_layout", None)
+def _continued(q: Array) -> Array:
+    """Quaternions with signs such that each is near the one before."""
+    turns = numpy.where(numpy.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0)
+    return q * numpy.concatenate([[1.0], numpy.cumprod(turns)])[:, None] if len(q) else q

@@ -1,0 +1,377 @@
+"""What worlds are made of: bodies and their shapes, planes, the states of both, and what a contact of them measures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy
+
+from . import _spatial as sp
+from ._arrays import Array, number, real, vector
+from .errors import DimensionError, RangeError, UnsupportedError
+
+if TYPE_CHECKING:
+    from .bodies import World
+
+__all__ = ["Body", "BodyState", "Fixed", "JointState", "Motion", "Shape", "States"]
+
+
+def rotation(given: Any, what: str) -> Any:
+    """The matrix of a rotation that is given as a quaternion (w, x, y, z), as three angles about the fixed axes x, y and z, one
+    after the other, as a matrix, or as None."""
+    if given is None:
+        return numpy.eye(3)
+    r = real(given, what)
+    if r.shape == (3,):
+        return numpy.array(sp.of_angles(*r.tolist()))
+    if r.shape == (4,) and float(numpy.linalg.norm(r)) > 0.0:
+        return numpy.array(sp.of_quaternion((r / numpy.linalg.norm(r)).tolist()))
+    if r.shape != (3, 3):
+        raise DimensionError(f"{what} is a quaternion, three angles or a matrix, not an array of shape {r.shape}")
+    # digits of a file, no more: a matrix that is no rotation would stretch the body
+    if float(numpy.max(numpy.abs(r @ r.T - numpy.eye(3)))) > 1e-6 or numpy.linalg.det(r) < 0.0:
+        raise RangeError(f"{what} is no rotation: its rows must be perpendicular unit vectors, right-handed")
+    return numpy.array(sp.of_quaternion(sp.quaternion_of(r)))
+
+
+def positive(value: Any, name: str) -> float:
+    given = number(value, name)
+    if not (given > 0.0 and math.isfinite(given)):
+        raise RangeError(f"{name} is {given:g}: it must be positive")
+    return given
+
+
+def place_of(value: Any, name: str) -> tuple[float, ...]:
+    return tuple(vector(value, 3, name).tolist())
+
+
+def unit(value: Any, name: str) -> tuple[float, ...]:
+    given = vector(value, 3, name)
+    length = float(numpy.linalg.norm(given))
+    if not (length > 0.0 and math.isfinite(length)):
+        raise RangeError(f"{name} is {given}: it needs a direction")
+    return tuple((given / length).tolist())
+
+
+def inertia_of(given: Any, name: str) -> Any:
+    """A moment of inertia for all axes, or a matrix."""
+    if numpy.ndim(given) == 0:
+        value = number(given, name)
+        if not (value >= 0.0 and math.isfinite(value)):
+            raise RangeError(f"{name} is {value:g}: it must be positive")
+        return value
+    m = real(given, name)
+    m = numpy.diag(m) if m.shape == (3,) else m
+    if m.shape != (3, 3):
+        raise DimensionError(f"{name} has shape {m.shape}: it is a number, three moments, or a matrix of three rows")
+    largest = float(numpy.max(numpy.abs(m)))
+    # by rounding of what a file has with six digits, and not by more
+    if not numpy.all(numpy.isfinite(m)) or float(numpy.max(numpy.abs(m - m.T))) > 1e-6 * largest:
+        raise RangeError(f"{name} is not a symmetric matrix of finite numbers")
+    m = 0.5 * (m + m.T)
+    if not numpy.linalg.eigvalsh(m)[0] > 0.0:
+        raise RangeError(f"{name} is not positive: its moments are {numpy.linalg.eigvalsh(m)}")
+    return m
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A shape in space, fixed to a body.
+
+    kind     "point", "sphere", "box", "capsule", "ellipsoid"
+    size     full width, depth and height of a box; length of a capsule between the centres of its ends, along its x axis;
+             semi-axes of an ellipsoid
+    radius   of spheres and capsules, else 0
+    at       its centre, from the centre of mass, in the axes of the body
+    turn     its rotation against the body: a quaternion (w, x, y, z), three angles about fixed axes x, y, z, or a matrix
+    """
+
+    kind: str
+    size: tuple[float, ...] = ()
+    radius: float = 0.0
+    at: tuple[float, ...] = (0.0, 0.0, 0.0)
+    turn: Any = None
+
+    def __post_init__(self) -> None:
+        sizes = {"point": 0, "sphere": 0, "box": 3, "capsule": 1, "ellipsoid": 3}
+        if self.kind not in sizes:
+            raise UnsupportedError(f"a shape is one of {', '.join(sizes)}, not {self.kind!r:.40}")
+        n = sizes[self.kind]
+        size = vector(self.size, n, f"size of a {self.kind}") if n else numpy.zeros(0)
+        radius = number(self.radius, f"radius of a {self.kind}")
+        round_ = self.kind in ("sphere", "capsule")
+        if not numpy.all((size > 0.0) & numpy.isfinite(size)) or (round_ and not 0.0 < radius < numpy.inf):
+            raise RangeError(f"a {self.kind} has size {self.size} and radius {self.radius}: they must be positive")
+        object.__setattr__(self, "size", tuple(size.tolist()))
+        object.__setattr__(self, "radius", radius if round_ else 0.0)
+        object.__setattr__(self, "at", tuple(vector(self.at, 3, f"place of a {self.kind}").tolist()))
+        object.__setattr__(self, "turn", rotation(self.turn, f"turn of a {self.kind}"))
+
+    @property
+    def _spots(self) -> list[_Spot]:
+        turn = sp.constants(self.turn)
+
+        def spot(name: str, place: list[float], semi: Any = None) -> _Spot:
+            at = sp.constants(numpy.array(self.at) + numpy.array(turn) @ place)
+            return _Spot(name, tuple(at), self.radius, semi)
+
+        if self.kind == "box":
+            a, b, c = (0.5 * s for s in self.size)
+            words = (("lower", -c), ("upper", c)), (("front", -b), ("back", b)), (("left", -a), ("right", a))
+            return [spot(f"{i} {j} {k}", [x, y, z]) for i, z in words[0] for j, y in words[1] for k, x in words[2]]
+        if self.kind == "capsule":
+            return [spot("left", [-0.5 * self.size[0], 0.0, 0.0]), spot("right", [0.5 * self.size[0], 0.0, 0.0])]
+        if self.kind == "ellipsoid":
+            squares = numpy.array(turn) @ numpy.diag(numpy.square(self.size)) @ numpy.array(turn).T
+            return [spot("", [0.0, 0.0, 0.0], sp.constants(0.5 * (squares + squares.T)))]
+        return [spot("", [0.0, 0.0, 0.0])]
+
+
+@dataclass(frozen=True)
+class _Spot:
+    """What can touch a plane: a point of a body with its radius, or a centre with the matrix of an ellipsoid."""
+
+    name: str
+    at: tuple[float, ...]
+    radius: float
+    squares: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A body that moves, as `World.disc` and its like return it.
+
+    name, shape    "disc", "box", "rod", "capsule", "point" in the plane; "sphere", "box", "capsule", "ellipsoid", "point"
+                   or "link" (of any shapes) in space
+    mass, inertia  inertia about the centre of mass; in space three rows in the axes of the body, or one number for all axes
+    radius         of discs, spheres and capsules, else 0
+    size           width and height of a box, length of a rod or between the ends of a capsule, and 0; in space that of `Shape`
+    shapes         the shapes of a body in space
+    """
+
+    name: str
+    shape: str
+    mass: float
+    inertia: Any
+    radius: float = 0.0
+    size: tuple[float, ...] = (0.0, 0.0)
+    turns: bool | None = None
+    shapes: tuple[Shape, ...] = ()
+
+    @property
+    def _spots(self) -> list[_Spot]:
+        """What can touch a plane: corners, ends and centres."""
+        if self.shapes:
+            found = [(n, s) for n, shape in enumerate(self.shapes, 1) for s in shape._spots]
+            if len(self.shapes) == 1:
+                return [s for _, s in found]
+            return [_Spot(f"{n} {s.name}".strip(), s.at, s.radius, s.squares) for n, s in found]
+        if self.shape == "link":
+            return []
+        a, b = 0.5 * self.size[0], 0.5 * self.size[1]
+        places = [("", 0.0, 0.0)]
+        if self.shape == "box":
+            places = [("lower left", -a, -b), ("lower right", a, -b), ("upper right", a, b), ("upper left", -a, b)]
+        if self.shape in ("rod", "capsule"):
+            places = [("left", -a, 0.0), ("right", a, 0.0)]
+        return [_Spot(name, (x, y), self.radius) for name, x, y in places]
+
+    @property
+    def _round(self) -> bool:
+        if self.shapes:
+            return all(s.kind in ("sphere", "point") for s in self.shapes)
+        return self.shape in ("disc", "point", "link")
+
+    def __repr__(self) -> str:
+        return f"<Body '{self.name}': {self.shape}>"
+
+
+@dataclass(frozen=True, eq=False)
+class Fixed:
+    """A plane that bodies do not pass, in the plane a line: they are where normal . position >= offset.
+
+    `offset` is a number or a function of `States` (time, parameters); `speed` is the speed of its surface, a number, in
+    the plane along the normal turned by 90 degrees clockwise (to the right on a floor), a belt. With a body `on` the plane
+    is a side of it: normal and offset are in its axes, from its centre of mass.
+    """
+
+    name: str
+    normal: tuple[float, ...]
+    offset: Any
+    speed: float = 0.0
+    on: Body | None = None
+
+    @property
+    def _tangents(self) -> list[tuple[float, ...]]:
+        n = self.normal
+        if len(n) == 2:
+            return [(n[1], -n[0])]
+        return [tuple(t) for t in sp.perpendicular(n)]
+
+    def __repr__(self) -> str:
+        return f"<Fixed '{self.name}'>"
+
+
+def _component(of: str, i: int) -> Any:
+    return property(lambda self: getattr(self, of)[i], doc=f"Component {i} of the {of}.")
+
+
+@dataclass(frozen=True)
+class BodyState:
+    """Position and velocity of a body's centre of mass: expressions, or arrays of numbers. `angle` and `omega` are None where
+    the rotation is not part of the scene; in the plane there is no `z` and `vz`. In space there is no angle, `omega` are three
+    numbers along the axes of the world, and `rotation` has three rows: it turns the axes of the body to those of the world.
+    It is None where no orientation is part of the scene, as that of a sphere."""
+
+    position: Any
+    velocity: Any
+    angle: Any = None
+    omega: Any = None
+    rotation: Any = None
+
+    x = _component("position", 0)
+    y = _component("position", 1)
+    z = _component("position", 2)
+    vx = _component("velocity", 0)
+    vy = _component("velocity", 1)
+    vz = _component("velocity", 2)
+
+    def turned(self, vector: Any) -> list[Any]:
+        """A vector of the body, such as the way from the centre of mass to a point of it, in the axes of the world."""
+        a = [float(c) if isinstance(c, (int, float)) else c for c in vector]
+        if self.angle is not None:
+            c, s = numpy.cos(self.angle), numpy.sin(self.angle)
+            return [c * a[0] - s * a[1], s * a[0] + c * a[1]]
+        return a if self.rotation is None else sp.apply(self.rotation, a)
+
+    def swept(self, arm: Any) -> list[Any]:
+        """The velocity that the rotation gives to a point at `arm` from the centre of mass, in the axes of the world."""
+        if self.omega is None:
+            return [0.0] * len(arm)
+        if len(arm) == 2:
+            return [-self.omega * arm[1], self.omega * arm[0]]
+        return sp.cross(list(self.omega), list(arm))
+
+
+@dataclass(frozen=True)
+class JointState:
+    """Angle or way `q` and its rate `v` of a hinge or slider; of a ball joint a quaternion and three numbers along the axes of
+    the second body. Expressions, or arrays of numbers."""
+
+    q: Any
+    v: Any
+
+
+class States:
+    """The expressions of a world, for forces, moving planes, friction and restitution given as functions: `s[body]` is
+    a `BodyState`, the body given by itself or its name; `s[joint]` is a `JointState`; `s.t` is the time, `s.u` and `s.p` are
+    controls and parameters."""
+
+    def __init__(
+        self, world: World, states: dict[str, BodyState], u: Any, p: Any, t: Any, joints: dict[str, JointState] | None = None
+    ):
+        self._world, self._states, self._joints = world, states, joints or {}
+        self.u, self.p, self.t = u, p, t
+
+    def __getitem__(self, thing: Any) -> Any:
+        name = thing if isinstance(thing, str) else getattr(thing, "name", None)
+        if name in self._joints and any(j is thing or j.name == thing for j in self._world.joints):
+            return self._joints[name]
+        return self._states[self._world._body(thing).name]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The way of a body: arrays over the times `t`. `z` and `vz` are None in the plane, `angle` in space, where `omega`
+    has a column for each axis of the world, and `quaternion` (w, x, y, z; of length one) is there for bodies whose orientation
+    is part of the scene. Bodies whose rotation is not part of the scene turn as they began."""
+
+    t: Array
+    x: Array
+    y: Array
+    vx: Array
+    vy: Array
+    angle: Array | None = None
+    omega: Array | None = None
+    z: Array | None = None
+    vz: Array | None = None
+    quaternion: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """Two things that may touch."""
+
+    a: Body
+    b: Body | Fixed
+    mu: Any
+    e: Any
+
+
+@dataclass(frozen=True, eq=False)
+class _Touch:
+    """A contact of the scene: a spot of a body with a plane, or with a round spot of another body."""
+
+    name: str
+    a: Body
+    spot: _Spot
+    b: Body | Fixed
+    other: _Spot | None
+    mu: Any
+    e: Any
+
+    def geometry(self, s: States) -> tuple[Any, list[Any], list[Any], list[Any]]:
+        """Gap, normal from the other body to the first, sliding velocities along `tangents`, and the point of contact on
+        the first. The same lines make expressions and numbers, as the states are."""
+        a, spot = s[self.a], self.spot
+        arm = a.turned(spot.at)
+        centre = sp.add(list(a.position), arm)
+        velocity = sp.add(list(a.velocity), a.swept(arm))
+        if isinstance(self.b, Fixed):
+            plane, b = self.b, None if self.b.on is None else s[self.b.on]
+            normal = list(plane.normal) if b is None else b.turned(plane.normal)
+            tangents = [list(t) if b is None else b.turned(t) for t in plane._tangents]
+            out, reach = self._out(a, normal)
+            origin = [0.0] * len(normal) if b is None else list(b.position)
+            gap = sp.dot(normal, sp.subtract(centre, origin)) - reach - _value(plane.offset, s)
+            foot, speed = None, plane.speed
+        else:
+            b, speed = s[self.b], 0.0
+            foot = b.turned(self.other.at)
+            between = sp.subtract(centre, sp.add(list(b.position), foot))
+            distance = numpy.sqrt(sp.dot(between, between))
+            normal = [d / distance for d in between]
+            tangents = [[normal[1], -normal[0]]] if len(normal) == 2 else sp.tangents_of(normal)
+            out, reach = self._out(a, normal)
+            gap = distance - reach - self.other.radius
+            foot = sp.add(foot, sp.scale(self.other.radius, normal))
+        point = sp.add(centre, out)
+        relative = sp.add(velocity, a.swept(out))
+        if b is not None:
+            foot = sp.subtract(point, list(b.position)) if foot is None else foot
+            relative = sp.subtract(relative, sp.add(list(b.velocity), b.swept(foot)))
+        sliding = [sp.dot(t, relative) for t in tangents]
+        if speed:
+            sliding = [v - speed for v in sliding]
+        return gap, normal, sliding, point
+
+    def _out(self, a: BodyState, normal: list[Any]) -> tuple[list[Any], Any]:
+        """The way from the spot to the point of contact, and how far that is against the normal.
+
+        Of an ellipsoid with the matrix S of squared semi-axes it is -S n / sqrt(n . S n), where its outer normal is -n."""
+        if self.spot.squares is None:
+            return sp.scale(-self.spot.radius, normal), self.spot.radius
+        n = normal if a.rotation is None else sp.back(a.rotation, normal)
+        support = sp.apply(self.spot.squares, n)
+        reach = numpy.sqrt(sp.dot(n, support))
+        return a.turned([-c / reach for c in support]), reach
+
+
+def _value(given: Any, s: States) -> Any:
+    return given(s) if callable(given) else given
+
+
+Force = Callable[[States], Any]
