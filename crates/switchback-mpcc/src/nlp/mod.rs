@@ -19,6 +19,7 @@ mod augmented;
 mod callback;
 mod centrality;
 mod curvature;
+mod duality;
 mod filter;
 mod iterate;
 mod linesearch;
