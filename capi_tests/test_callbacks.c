@@ -320,6 +320,14 @@ static void wrong_calls(void)
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_set_algebraic(system, 2, NULL));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_set_algebraic(system, -1, NULL));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_set_algebraic(system, 1, modes));
+    CHECK_STATUS(SWB_ERR_STATE, swb_system_add_complementarity(system, ROWS, 1, NULL, psi, &index));
+    CHECK(strstr(swb_last_error(), "set_algebraic") != NULL);
+    CHECK_OK(swb_system_set_algebraic(system, 1, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_complementarity(system, outside, 2, NULL, psi, &index));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_add_complementarity(system, &ROWS[1], 1, NULL, modes, &index));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_add_complementarity(system, &ROWS[1], 1, modes, psi, &index));
+    CHECK_STATUS(SWB_ERR_NULL, swb_system_add_complementarity(system, &ROWS[1], 1, NULL, NULL, &index));
+    CHECK_STATUS(SWB_ERR_NULL, swb_system_add_complementarity(system, NULL, 1, NULL, psi, &index));
     CHECK_OK(swb_system_set_algebraic(system, 0, NULL));
     CHECK(index == 44);
     CHECK_OK(swb_system_add_subsystem(system, ROWS, 2, modes, 2, psi, SIGNS, 2, &index));

@@ -4883,9 +4883,10 @@ swb_status swb_system_add_inclusion(struct swb_system *system,
  * instead of being a derivative. Functions see them among the states. Their initial values are guesses where the
  * smooth equations determine them. Event-driven simulation takes equations of index 1: the matrix of their derivatives by
  * the algebraic states is regular. They are solved where a run begins, behind every event and at every point of a result;
- * a run that comes to a singular matrix ends there, and says so. Modes may switch inside of the equations as those of
- * diodes and limiters do, where the algebraic states do not jump at a switch. States that transitions alone change, and
- * that stand behind all others as those of a model do, are not counted: add transitions before.
+ * a run that comes to a singular matrix ends there, and says so. Modes may switch inside of the equations. Where neither of
+ * two modes goes on beyond the surface between them, it is held by a weight of both, as by a relay in its own loop.
+ * States that transitions alone change, and that stand behind all others as those of a model do, are not counted: add
+ * transitions before.
  *
  * @param[in] n_z fewer than nx; 0: none
  * @param[in] g   n_z outputs; may be NULL if f0 and modes hold the equations
@@ -4895,6 +4896,27 @@ SWB_API
 swb_status swb_system_set_algebraic(struct swb_system *system,
                                     int64_t n_z,
                                     const struct swb_function *g);
+
+/**
+ * Add complementarity conditions 0 <= a_k, b_k >= 0, a_k b_k = 0 to the equations of algebraic states: one of both is zero,
+ * and the other one is not negative, as current and voltage of an ideal diode. Linear complementarity systems have the
+ * algebraic states themselves as a, and b = C x + D z + F u. Each condition is a subsystem with the modes a_k = 0 and
+ * b_k = 0, in this order. Call swb_system_set_algebraic before.
+ *
+ * @param[in]  rows  [n_rows] algebraic states, one for each condition
+ * @param[in]  a     n_rows outputs; may be NULL: the states in rows
+ * @param[in]  b     n_rows outputs
+ * @param[out] index number of the first subsystem; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if rows repeat; SWB_ERR_STATE if a row is no
+ *         algebraic state
+ */
+SWB_API
+swb_status swb_system_add_complementarity(struct swb_system *system,
+                                          const int64_t *rows,
+                                          int64_t n_rows,
+                                          const struct swb_function *a,
+                                          const struct swb_function *b,
+                                          int64_t *index);
 
 /**
  * Sizes of a system. Any output may be NULL.

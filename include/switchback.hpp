@@ -406,6 +406,17 @@ public:
                                                           n_modes, indicators.get(), nullptr));
         return *this;
     }
+    /// Makes the last n_z states algebraic: what f0, modes and g, where it is given, add to their rows is zero. See swb_system_set_algebraic.
+    System &algebraic(int64_t n_z, const Function *g = nullptr) {
+        detail::check(swb_system_set_algebraic(get(), n_z, g ? g->get() : nullptr));
+        return *this;
+    }
+    /// 0 <= a_k, b_k >= 0, a_k b_k = 0 for algebraic states; without a it is these states themselves. See swb_system_add_complementarity.
+    System &complementarity(const std::vector<int64_t> &rows, const Function &b, const Function *a = nullptr) {
+        detail::check(swb_system_add_complementarity(get(), rows.data(), static_cast<int64_t>(rows.size()), a ? a->get() : nullptr,
+                                                     b.get(), nullptr));
+        return *this;
+    }
     /// A jump of the state where the guard passes zero in its direction: discrete states and their values before (none: always),
     /// the state behind it (NULL: as before), discrete states and their values behind it. See swb_system_add_transition.
     System &transition(const Function &guard, swb_direction direction, const Function *reset,

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use switchback::error::Error;
-use switchback::event::{simulate_batch, Engine, Gradient, Method, Options, Outcome, Run, Term};
+use switchback::event::{simulate_batch, Engine, Gradient, Kind, Method, Options, Outcome, Run, Term};
 use switchback::expr::{Expr, Graph};
 use switchback::model::{Built, Model, Transition};
 use switchback::system::{Direction, Effect, Rule};
@@ -525,13 +525,178 @@ fn solutions_that_are_zero() {
     }
 }
 
-/// `z + sign z = x` has no solution under a sign for `|x| < 1`; the run ends where it comes there.
-#[test]
-fn relays_inside_of_their_own_equation() {
+/// `x' = 2 cos t − x / 5 + z / 10`, `z + sign z = x + p`: where `|x + p| < 1` neither sign has a solution, and `z` is held at zero.
+fn inside_of_its_own_equation() -> Built {
     let g = Graph::new();
-    let (x, z) = (g.x(0), g.x(1));
-    let b = model(&g, (0, 0, 1), &[-1.0 + 0.0 * z, z + z.sign() - x], vec![]);
-    let r = run(&b, &tol(1e-8), &[3.0, 1.0], &[], 4.0);
+    let (x, z, p) = (g.x(0), g.x(1), g.p(0));
+    model(&g, (0, 1, 1), &[2.0 * g.t().cos() - 0.2 * x + 0.1 * z, z + z.sign() - x - p], vec![])
+}
+
+/// The same with `z` as a function of `x + p`: an ordinary differential equation with kinks.
+fn inside_by_hand() -> Built {
+    let g = Graph::new();
+    let (x, p) = (g.x(0), g.p(0));
+    let s = x + p;
+    let z = (s - 1.0).max(0.0) + (s + 1.0).min(0.0);
+    model(&g, (0, 1, 0), &[2.0 * g.t().cos() - 0.2 * x + 0.1 * z], vec![])
+}
+
+/// `x' = 1.5 y + p − z`, `y' = cos t + z y / 10`, `z = sign x − 0.3 y`: Filippov's sliding mode through an algebraic state.
+fn through_an_equation() -> Built {
+    let g = Graph::new();
+    let (x, y, z, p) = (g.x(0), g.x(1), g.x(2), g.p(0));
+    model(&g, (0, 1, 1), &[1.5 * y + p - z, g.t().cos() + 0.1 * z * y, z + 0.3 * y - x.sign()], vec![])
+}
+
+/// The same with the relay in the derivatives.
+fn through_by_hand() -> Built {
+    let g = Graph::new();
+    let (x, y, p) = (g.x(0), g.x(1), g.p(0));
+    let z = x.sign() - 0.3 * y;
+    model(&g, (0, 1, 0), &[1.5 * y + p - z, g.t().cos() + 0.1 * z * y], vec![])
+}
+
+#[test]
+fn surfaces_are_held_inside_of_equations() {
+    let cases = [
+        (inside_of_its_own_equation(), inside_by_hand(), vec![0.5], 6, 3),
+        (through_an_equation(), through_by_hand(), vec![0.4, 0.1], 3, 1),
+    ];
+    for (k, (dae, hand, x0, n_switches, n_held)) in cases.iter().enumerate() {
+        for method in [Method::Dp5, Method::Dop853, Method::Radau5] {
+            let o = Options { method, ..tol(1e-10) };
+            let start: Vec<f64> = x0.iter().copied().chain([1.0]).collect();
+            let r = run(dae, &o, &start, &[0.1], 9.0);
+            let ode = run(hand, &o, x0, &[0.1], 9.0);
+            assert_eq!(
+                (r.outcome, ode.outcome),
+                (Outcome::Reached, Outcome::Reached),
+                "{k}: {} {}",
+                r.reason,
+                ode.reason
+            );
+            for (a, b) in r.x.iter().zip(&ode.x) {
+                near(*a, *b, 1e-8, "state");
+            }
+            assert_eq!((r.switches.len(), ode.switches.len()), (*n_switches, *n_switches), "{k}: {:?}", r.switches);
+            for (a, b) in r.switches.iter().zip(&ode.switches) {
+                near(a.t, b.t, 1e-8, "time of a switch");
+            }
+            let held = r.switches.iter().filter(|s| s.after == [0, 1]).inspect(|s| assert_eq!(s.kind, Kind::Enter));
+            assert_eq!(held.count(), *n_held, "{k}: {:?}", r.switches);
+            // the equation holds everywhere, with a weight between both modes
+            let path = r.path.unwrap();
+            let mut x = [0.0; 3];
+            for i in 0..=90 {
+                let t = 0.1 * f64::from(i);
+                path.eval(t, 0, &mut x[..start.len()]).unwrap();
+                let (what, relay) = if k == 0 { (x[1], x[0] + 0.1 - x[1]) } else { (x[0], x[2] + 0.3 * x[1]) };
+                let sign = if what.abs() < 1e-8 { relay.clamp(-1.0, 1.0) } else { what.signum() };
+                near(relay, sign, 1e-7, &format!("{k}: the relay at {t}"));
+            }
+        }
+    }
+}
+
+/// Two relays in one pair of equations that are not linear, one of them also in the derivatives; and one on the states alone, whose surface is bent by
+/// `bend`, that acts through a third equation with a part that depends on its own solution.
+fn held(bend: f64) -> Built {
+    let g = Graph::new();
+    let x: Vec<Expr> = (0..6).map(|k| g.x(k)).collect();
+    let (a, b, c, z, y, w) = (x[0], x[1], x[2], x[3], x[4], x[5]);
+    let (p, q, u) = (g.p(0), g.p(1), g.u(0));
+    let drive = 2.0 * (2.0 * g.t()).sin();
+    let through = (b + bend * a * a + 0.1 * c).sign();
+    let rhs = [
+        drive - 0.5 * a + 0.2 * z * y + 0.1 * z.sign(),
+        0.5 * (g.t() + 1.0).cos() + u + 0.3 * a - w - 0.1 * w * w,
+        0.2 * w - 0.3 * c + 0.1 * y,
+        z + 0.3 * z.powi(3) + (p + 0.1 * b * b) * z.sign() - a - 0.2 * y,
+        y + 0.4 * y.sign() * (1.0 + 0.1 * c * c) + 0.3 * z - q * c - 0.3 * drive,
+        w + 0.1 * w.powi(3) - (1.2 + 0.1 * w) * through - 0.2 * c,
+    ];
+    model(&g, (1, 2, 3), &rhs, vec![])
+}
+
+fn held_engine(b: &Built, d: &[f64], o: &Options) -> Engine {
+    let mut e = Engine::new(&b.system, o).unwrap();
+    e.set_params(&d[6..8]).unwrap();
+    e.set_controls(&d[8..]).unwrap();
+    e.reinit(0.0, &d[..6]).unwrap();
+    e.advance(4.0).unwrap();
+    assert_eq!(e.outcome(), Outcome::Reached, "{}", e.reason());
+    e
+}
+
+const HELD: [f64; 9] = [-0.4, 0.3, 0.2, 0.1, 0.1, 0.1, 0.6, 0.8, 0.1];
+
+#[test]
+fn derivatives_where_surfaces_are_held() {
+    for (bend, method) in [(0.1, Method::Dop853), (0.0, Method::Dop853), (0.1, Method::Radau5)] {
+        let b = held(bend);
+        let fine = Options { method, ..Options::with_tolerance(1e-12, 1e-13) };
+        let o = Options { adjoint: true, sensitivity: switchback::event::Sensitivity::On, ..fine.clone() };
+        let mut e = held_engine(&b, &HELD, &o);
+        let entered = |k: usize| e.switches().iter().filter(|s| s.subsystem == k && s.kind == Kind::Enter).count();
+        assert!((0..3).all(|k| entered(k) > 0), "{:?}", e.switches());
+        let s = e.sensitivity().unwrap().to_vec();
+        let v = [0.3, -0.7, 1.1, 0.4, -0.2, 0.6];
+        let g = e.adjoint(&v, &[]).unwrap();
+        let flat = |g: &Gradient| [&g.x0[..], &g.p, &g.u].concat();
+        let by_rows: Vec<f64> = (0..9).map(|c| (0..6).map(|i| v[i] * s[9 * i + c]).sum()).collect();
+        for (c, (adjoint, forward)) in flat(&g).iter().zip(&by_rows).enumerate() {
+            near(*adjoint, *forward, 1e-9, &format!("adjoint, input {c}"));
+        }
+        let state = |d: &[f64]| held_engine(&b, d, &fine).state().to_vec();
+        for c in (0..9).filter(|c| !(3..6).contains(c)) {
+            let mut along = [0.0; 9];
+            along[c] = 1.0;
+            for (i, d) in difference(&state, &HELD, &along, 1e-3).iter().enumerate() {
+                near(s[9 * i + c], *d, 1e-7, &format!("bend {bend}, state {i} by input {c}"));
+            }
+        }
+        let direction = Gradient { x0: vec![0.5, -0.3, 0.2, 0.0, 0.0, 0.0], p: vec![0.4, 0.2], u: vec![-0.6] };
+        let along = e.adjoint_along(&v, &direction);
+        if bend != 0.0 {
+            assert!(along.is_err(), "third derivatives of a surface");
+            continue;
+        }
+        let along = along.unwrap();
+        let gradient = |d: &[f64]| flat(&held_engine(&b, d, &o).adjoint(&v, &[]).unwrap());
+        let d = difference(&gradient, &HELD, &flat(&direction), 1e-3);
+        for (c, (found, exact)) in flat(&along.derivative).iter().zip(d).enumerate() {
+            near(*found, exact, 2e-6, &format!("second derivative, input {c}"));
+        }
+    }
+}
+
+/// Controls change while a surface is held, or move it away; a start may lie on it.
+#[test]
+fn held_behind_controls_and_at_a_start() {
+    let g = Graph::new();
+    let (x, z, u) = (g.x(0), g.x(1), g.u(0));
+    let b = model(&g, (1, 0, 1), &[u - z + 0.0 * x, z - x.sign()], vec![]);
+    let mut e = Engine::new(&b.system, &tol(1e-10)).unwrap();
+    e.reinit(0.0, &[0.0, 0.0]).unwrap();
+    for (k, (control, state, z)) in
+        [(0.3, 0.0, 0.3), (-0.8, 0.0, -0.8), (1.5, 0.5, 1.0), (0.0, 0.0, 0.0)].iter().enumerate()
+    {
+        e.set_controls(&[*control]).unwrap();
+        e.advance(1.0 + k as f64).unwrap();
+        assert_eq!(e.outcome(), Outcome::Reached, "{}", e.reason());
+        near(e.state()[0], *state, 1e-12, "state");
+        near(e.state()[1], *z, 1e-9, "algebraic state");
+    }
+}
+
+/// A relay whose algebraic state knows nothing of it, so that neither its value nor its rate determines a weight at once.
+#[test]
+fn what_is_not_held_ends_in_words() {
+    let g = Graph::new();
+    let (x, z, w) = (g.x(0), g.x(1), g.x(2));
+    let b = model(&g, (0, 0, 2), &[0.3 - w + 0.0 * z, z - x, w - z.sign()], vec![]);
+    let r = run(&b, &tol(1e-8), &[1.0, 1.0, 1.0], &[], 5.0);
     assert_eq!(r.outcome, Outcome::NoContinuation, "{}", r.reason);
-    near(r.t, 2.0, 1e-9, "where the sign has no solution");
+    near(r.t, 1.0 / 0.7, 1e-9, "where it would slide");
+    assert!(r.reason.contains("no weights of two of them hold the surface"), "{}", r.reason);
 }

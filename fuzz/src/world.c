@@ -721,6 +721,9 @@ static void random_system(struct random *r, const swb_settings *s)
         if (nx > 1 && DO(swb_system_set_algebraic, system, 1, random_below(r, 2) ? function_of(r, nx, nu, np, 1) : NULL) && random_below(r, 2)) {
             /* modes that may switch inside of the equation */
             DO(swb_system_add_subsystem, system, &row, 1, modes, 2, function_of(r, nx, nu, np, 1), signs, 2, &index);
+            row = nx - 1;
+            DO(swb_system_add_complementarity, system, &row, 1, random_below(r, 2) ? function_of(r, nx, nu, np, 1) : NULL,
+               function_of(r, nx, nu, np, 1), &index);
         }
     }
     static const double levels[2] = {0.0, 1.0};

@@ -16,10 +16,14 @@
 //! scheme for solving the complementarity problem*, Opsearch 11, 1974). Where a run begins, and behind a jump of the controls, all modes
 //! that are outside of their regions change at once, as long as they become fewer (M. Kostreva, *Block pivot methods for solving the
 //! complementarity problem*, Linear Algebra and its Applications 21, 1978).
+//!
+//! Where two modes are apart at the surface between them, and neither goes on beyond it, the surface is held: a further mode, in which the
+//! weight of both is an unknown, see [`held`](super::held).
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
+use super::held::{are_one, bends_of, flows, By, Flow, Held, Taken};
 use super::{Regions, SharedFunction, System};
 use crate::error::{Error, Result};
 use crate::func::{Dims, EvalError, EvalResult, Point};
@@ -45,6 +49,10 @@ const SHORTEST: f64 = 1e-5;
 const PATIENCE: usize = 8;
 /// Modes that are tried at most.
 const MOST_MODES: usize = 4096;
+/// Where a surface may be held, functions within so many times their rounding are on it.
+const NEAR: f64 = 16.0;
+/// A weight this little outside of its interval is at its end.
+const ROUNDED: f64 = 1e-10;
 
 /// What the guess is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -124,13 +132,20 @@ pub(super) struct Part {
     switched: Option<(usize, usize)>,
     /// Where the entries of its Jacobian go among those of `h`; none for other outputs.
     to_jac: Vec<Option<usize>>,
+    /// Where the derivatives of its equations by the weight of its loop go.
+    by_weight: Vec<usize>,
 }
 
 impl Part {
-    /// Its outputs under these modes.
-    pub(super) fn outputs(&self, modes: &[usize]) -> Range<usize> {
-        let by = self.switched.map_or(0, |(k, n)| modes[k] * n);
+    /// Its outputs under a mode.
+    pub(super) fn outputs(&self, mode: usize) -> Range<usize> {
+        let by = self.switched.map_or(0, |(_, n)| mode * n);
         self.outputs.start + by..self.outputs.end + by
+    }
+
+    /// The loop whose modes it has.
+    pub(super) fn of_loop(&self) -> Option<usize> {
+        self.switched.map(|s| s.0)
     }
 
     /// The equation of an output of any mode.
@@ -146,6 +161,9 @@ pub(super) struct Loop {
     pub(super) subsystem: usize,
     pub(super) n_modes: usize,
     regions: Regions,
+    /// Surfaces that may be held: mode `n_modes + i` holds the one of entry `i`. Its weight is this one of all, if there are any.
+    pub(super) held: Vec<Held>,
+    pub(super) weight: Option<usize>,
 }
 
 impl Loop {
@@ -153,6 +171,19 @@ impl Loop {
     pub(super) fn functions(&self) -> &SharedFunction {
         let (Regions::Signs { psi: f, .. } | Regions::Indicators(f)) = &self.regions;
         f
+    }
+
+    /// All modes, with those that hold a surface.
+    pub(super) fn n_all(&self) -> usize {
+        self.n_modes + self.held.len()
+    }
+
+    /// The modes that are active in one of all, ascending.
+    pub(super) fn active(&self, mode: usize) -> Vec<usize> {
+        match self.held.get(mode.wrapping_sub(self.n_modes)) {
+            Some(h) => vec![h.low.min(h.high), h.low.max(h.high)],
+            None => vec![mode],
+        }
     }
 
     /// Has a mode its region where the functions have these values, up to these roundings?
@@ -192,6 +223,57 @@ impl Loop {
     }
 }
 
+impl Loop {
+    /// The surfaces that two modes are apart by, and that may be held.
+    fn surfaces(&self, system: &System, known: &[bool]) -> Vec<Held> {
+        let (s, psi, z) = (&system.subsystems[self.subsystem], self.functions(), system.algebraic_states());
+        let mut all: Vec<Held> = Vec::new();
+        for low in 0..self.n_modes {
+            for (terms, high) in self.exits(low) {
+                let is_there = |h: &Held| (h.low, h.high) == (high, low) || (h.low, h.high) == (low, high);
+                if all.iter().any(is_there) || are_one(s, psi, &terms, (low, high)) {
+                    continue;
+                }
+                let p = psi.jac_pattern();
+                let depends = |c: usize| p.rows(c).iter().any(|r| terms.iter().any(|t| t.0 == *r));
+                let by = if z.clone().any(depends) { By::Value } else { By::Rate };
+                if by == By::Rate && !(0..z.start).all(|i| known[i] || !depends(i)) {
+                    continue;
+                }
+                all.push(Held { low, high, terms, by });
+            }
+        }
+        all
+    }
+
+    /// The mode that holds the surface between two modes.
+    pub(super) fn between(&self, a: usize, b: usize) -> Option<usize> {
+        let is_it = |h: &Held| (h.low, h.high) == (a, b) || (h.low, h.high) == (b, a);
+        self.held.iter().position(is_it).map(|i| self.n_modes + i)
+    }
+
+    /// The mode that follows where another surface of a mode than the one that is held is passed.
+    fn leaves(&self, mode: usize, h: &Held, v: &[f64], rounding: &[f64]) -> Option<usize> {
+        let passed = |terms: &[(usize, f64)]| {
+            let sum = |of: &dyn Fn(&(usize, f64)) -> f64| terms.iter().map(of).sum::<f64>();
+            sum(&|(o, t)| t * v[*o]) > sum(&|(o, t)| t.abs() * rounding[*o])
+        };
+        let others = self.exits(mode).into_iter().filter(|e| e.1 != h.low && e.1 != h.high);
+        others.into_iter().find(|e| passed(&e.0)).map(|e| e.1)
+    }
+
+    /// How the mode that holds a surface may end, but for its weight.
+    pub(super) fn exits_of_held(&self, h: &Held) -> Vec<(Vec<(usize, f64)>, usize)> {
+        let mut all: Vec<(Vec<(usize, f64)>, usize)> = Vec::new();
+        for e in self.exits(h.low).into_iter().chain(self.exits(h.high)) {
+            if e.1 != h.low && e.1 != h.high && !all.iter().any(|a| a.0 == e.0) {
+                all.push(e);
+            }
+        }
+        all
+    }
+}
+
 /// Equations and algebraic states that have to do with each other.
 pub(super) struct Block {
     /// Equations, and as many algebraic states.
@@ -213,14 +295,21 @@ pub(crate) struct Algebraic {
     pub(super) parts: Vec<Part>,
     jac: Pattern,
     pub(super) blocks: Vec<Block>,
-    /// Block of every algebraic state.
+    /// Block of every unknown: algebraic states, then weights.
     pub(super) block_of: Vec<usize>,
+    /// What gives derivatives, and which states it moves.
+    pub(super) flows: Vec<Flow>,
+    pub(super) driven: Vec<bool>,
+    /// Entries of the Jacobian in the equation of every weight: column, place.
+    rows_of_weights: Vec<Vec<(usize, usize)>>,
+    n_weights: usize,
     /// The Jacobian is the same everywhere.
     pub(super) affine: bool,
     solver: Mutex<Solver>,
 }
 
 /// What the last point was, and what is known there.
+#[derive(Default)]
 pub(super) struct Solver {
     t: f64,
     /// States with the guess and the modes, controls, parameters.
@@ -228,7 +317,7 @@ pub(super) struct Solver {
     /// Modes of the subsystems that switch inside of the equations.
     pub(super) modes: Vec<usize>,
     known: Option<std::result::Result<(), EvalError>>,
-    /// The states with the solution.
+    /// The states with the solution, and the weights behind them.
     pub(super) full: Vec<f64>,
     jac_known: bool,
     slopes_known: bool,
@@ -245,8 +334,14 @@ pub(super) struct Solver {
     next: Vec<f64>,
     trial: Vec<f64>,
     weights: Vec<f64>,
-    buffer: Vec<f64>,
+    pub(super) buffer: Vec<f64>,
+    pub(super) other: Vec<f64>,
     pub(super) work: Vec<f64>,
+    /// Weights where functions are evaluated, and room for the equations of weights: derivatives of the states, of a surface, and of such an equation by all it depends on.
+    pub(super) w: Vec<f64>,
+    pub(super) rate: Vec<f64>,
+    pub(super) gradient: Vec<f64>,
+    pub(super) row: Vec<f64>,
     pub(super) column: Vec<f64>,
     failure: Option<(f64, Failure)>,
     guess: Guess,
@@ -262,7 +357,7 @@ impl Algebraic {
         let nd = z.start;
         let mut parts = Vec::new();
         let mut add = |f: &SharedFunction, outputs: Range<usize>, equations: Vec<usize>, switched| {
-            parts.push(Part { f: f.clone(), outputs, equations, switched, to_jac: Vec::new() });
+            parts.push(Part { f: f.clone(), outputs, equations, switched, to_jac: Vec::new(), by_weight: Vec::new() });
         };
         if let Some(f) = &system.f0 {
             add(f, z.clone(), (0..nz).collect(), None);
@@ -274,14 +369,51 @@ impl Algebraic {
         for (k, s) in system.subsystems.iter().enumerate().filter(|s| s.1.rows.iter().any(|r| z.contains(r))) {
             let switched = (s.n_modes > 1).then_some((loops.len(), s.rows.len()));
             if s.n_modes > 1 {
-                loops.push(Loop { subsystem: k, n_modes: s.n_modes, regions: s.regions.clone() });
+                loops.push(Loop {
+                    subsystem: k,
+                    n_modes: s.n_modes,
+                    regions: s.regions.clone(),
+                    held: Vec::new(),
+                    weight: None,
+                });
             }
             for (o, r) in s.rows.iter().enumerate().filter(|r| z.contains(r.1)) {
                 add(&s.modes, o..o + 1, vec![r - nd], switched);
             }
         }
+        let loop_of = |k: usize| loops.iter().position(|l| l.subsystem == k);
+        let (flows, driven, known) = flows(system, &loop_of);
+        let mut n_weights = 0;
+        for l in &mut loops {
+            l.held = l.surfaces(system, &known);
+            l.weight = (!l.held.is_empty()).then_some(n_weights);
+            n_weights += usize::from(l.weight.is_some());
+        }
+        let mut all = Algebraic {
+            dims,
+            z,
+            loops,
+            parts,
+            jac: Pattern::empty(0, 0),
+            blocks: Vec::new(),
+            block_of: Vec::new(),
+            flows,
+            driven,
+            rows_of_weights: Vec::new(),
+            n_weights,
+            affine: false,
+            solver: Mutex::new(Solver::default()),
+        };
+        all.lay_out()?;
+        Ok(all)
+    }
+
+    /// Pattern, blocks, and room.
+    fn lay_out(&mut self) -> Result<()> {
+        let (dims, nz, nd, nu) = (self.dims, self.z.len(), self.z.start, self.n_unknowns());
+        let n_columns = dims.n_in() + self.n_weights;
         let (mut rows, mut cols) = (Vec::new(), Vec::new());
-        for p in &parts {
+        for p in &self.parts {
             for (c, entries) in p.f.jac_pattern().columns() {
                 for e in entries {
                     if let Some(r) = p.equation(p.f.jac_pattern().row_idx()[e]) {
@@ -290,44 +422,92 @@ impl Algebraic {
                     }
                 }
             }
+            if let Some(w) = p.of_loop().and_then(|k| self.loops[k].weight) {
+                rows.extend(&p.equations);
+                cols.extend(p.equations.iter().map(|_| dims.n_in() + w));
+            }
         }
-        let (jac, map) = Pattern::from_triplets(nz, dims.n_in(), &rows, &cols);
+        let of_weights: Vec<Vec<usize>> =
+            (0..self.loops.len()).filter(|k| self.loops[*k].weight.is_some()).map(|k| self.weight_columns(k)).collect();
+        for (w, columns) in of_weights.iter().enumerate() {
+            rows.extend(columns.iter().map(|_| nz + w));
+            cols.extend(columns);
+        }
+        let (jac, map) = Pattern::from_triplets(nu, n_columns, &rows, &cols);
         let mut places = map.into_iter();
-        for p in &mut parts {
+        for p in &mut self.parts {
             let own = |o: &usize| p.equation(*o).and_then(|_| places.next());
             let to_jac = p.f.jac_pattern().row_idx().iter().map(own).collect();
             p.to_jac = to_jac;
+            if p.of_loop().is_some_and(|k| self.loops[k].weight.is_some()) {
+                p.by_weight = places.by_ref().take(p.equations.len()).collect();
+            }
         }
-        let (blocks, block_of) = blocks(&jac, nd, nz)?;
-        let affine = parts.iter().all(|p| p.f.hess_pattern().nnz() == 0 && !p.f.hessian_is_approximate());
-        let most = |of: &dyn Fn(&Part) -> usize| parts.iter().map(of).max().unwrap_or(0);
-        let buffer = most(&|p| p.f.n_out().max(p.f.jac_pattern().nnz()).max(p.f.hess_pattern().nnz()));
+        self.rows_of_weights = of_weights.into_iter().map(|c| c.into_iter().zip(places.by_ref()).collect()).collect();
+        let unknowns: Vec<usize> = (nd..nd + nz).chain(dims.n_in()..n_columns).collect();
+        (self.blocks, self.block_of) = blocks(&jac, &unknowns)?;
+        let parts = &self.parts;
+        let linear = |p: &Part| p.f.hess_pattern().nnz() == 0 && !p.f.hessian_is_approximate();
+        self.affine = self.n_weights == 0 && parts.iter().all(linear);
+        let of_flows = self.flows.iter().filter(|_| self.n_weights > 0).map(Flow::function);
+        let functions = parts.iter().map(|p| &p.f).chain(self.loops.iter().map(Loop::functions)).chain(of_flows);
+        let sizes = |f: &SharedFunction| f.n_out().max(f.jac_pattern().nnz()).max(f.hess_pattern().nnz());
+        let (buffer, work) = functions.fold((0, 0), |(b, w): (usize, usize), f| (b.max(sizes(f)), w.max(f.work_len())));
+        let blocks = &self.blocks;
         let solver = Solver {
-            t: 0.0,
-            key: vec![0.0; dims.x + loops.len() + dims.u + dims.p],
-            modes: vec![0; loops.len()],
-            known: None,
-            full: vec![0.0; dims.x],
-            jac_known: false,
-            slopes_known: false,
+            key: vec![0.0; self.outer().x + dims.u + dims.p],
+            modes: vec![0; self.loops.len()],
+            full: vec![0.0; dims.x + self.n_weights],
             jac: vec![0.0; jac.nnz()],
-            units: vec![0.0; nz],
+            units: vec![0.0; nu],
             lus: blocks.iter().map(|b| Lu::with_capacity(b.rows.len())).collect(),
             slopes: blocks.iter().map(|b| vec![0.0; b.rows.len() * b.columns.len()]).collect(),
-            h: vec![0.0; nz],
-            sizes: vec![0.0; nz],
-            step: vec![0.0; nz],
-            start: vec![0.0; nz],
-            next: vec![0.0; nz],
-            trial: vec![0.0; dims.x],
-            weights: vec![0.0; nz],
+            h: vec![0.0; nu],
+            sizes: vec![0.0; nu],
+            step: vec![0.0; nu],
+            start: vec![0.0; nu],
+            next: vec![0.0; nu],
+            trial: vec![0.0; dims.x + self.n_weights],
+            weights: vec![0.0; nu],
             buffer: vec![0.0; buffer],
-            work: vec![0.0; most(&|p| p.f.work_len())],
-            column: vec![0.0; nz],
-            failure: None,
-            guess: Guess::Near,
+            other: vec![0.0; buffer],
+            work: vec![0.0; work],
+            column: vec![0.0; nu],
+            w: vec![0.0; self.n_weights],
+            rate: vec![0.0; dims.x],
+            gradient: vec![0.0; dims.n_in()],
+            row: vec![0.0; n_columns],
+            ..Solver::default()
         };
-        Ok(Algebraic { dims, z, loops, jac, blocks, block_of, affine, solver: Mutex::new(solver), parts })
+        (self.jac, self.solver) = (jac, Mutex::new(solver));
+        Ok(())
+    }
+
+    /// Weights that may be unknown.
+    pub(crate) fn n_weights(&self) -> usize {
+        self.n_weights
+    }
+
+    fn n_unknowns(&self) -> usize {
+        self.z.len() + self.n_weights
+    }
+
+    /// The place of an unknown where weights stand behind the states of the system.
+    fn place(&self, i: usize) -> usize {
+        match i.checked_sub(self.z.len()) {
+            Some(w) => self.dims.x + w,
+            None => self.z.start + i,
+        }
+    }
+
+    /// The mode of loop `k` that a discrete state stands for.
+    pub(super) fn mode_at(&self, k: usize, v: f64) -> usize {
+        (v as usize).min(self.loops[k].n_all() - 1)
+    }
+
+    /// The modes of loop `k` that are active in one of all.
+    pub(crate) fn active(&self, k: usize, mode: usize) -> Vec<usize> {
+        self.loops[k].active(mode)
     }
 
     /// The algebraic states.
@@ -362,7 +542,45 @@ impl Algebraic {
         }
         r?;
         x[self.z.clone()].copy_from_slice(&s.full[self.z.clone()]);
+        let first = self.dims.x + self.loops.len();
+        x[first..].copy_from_slice(&s.full[self.dims.x..]);
         Ok(())
+    }
+
+    /// The solution behind transition `k` of a loop from mode `before`, where the surface between may be held from here on.
+    pub(crate) fn solve_behind(
+        &self,
+        (k, before): (usize, usize),
+        t: f64,
+        x: &mut [f64],
+        u: &[f64],
+        p: &[f64],
+    ) -> EvalResult {
+        let start = x.to_vec();
+        let first = self.dims.x + self.loops.len();
+        let weight = self.loops[k].weight;
+        if let Some(w) = weight.filter(|_| self.mode_at(k, x[self.dims.x + k]) < self.loops[k].n_modes) {
+            x[first + w] = 0.0;
+        }
+        let crossed = self.solve(t, x, u, p, Guess::Jump);
+        if weight.is_none() || before >= self.loops[k].n_modes {
+            return crossed;
+        }
+        if crossed.is_ok() {
+            let found = self.comes_back(&mut self.lock(), (k, before), &Point { t, x, u, p })?;
+            let Some(mode) = found else { return Ok(()) };
+            let is_low = self.loops[k].held[mode - self.loops[k].n_modes].low == before;
+            let mut held = start;
+            held[self.dims.x + k] = mode as f64;
+            held[first + weight.unwrap_or(0)] = if is_low { 0.0 } else { 1.0 };
+            match self.solve(t, &mut held, u, p, Guess::Jump) {
+                Ok(()) => x.copy_from_slice(&held),
+                // what follows says that nothing does
+                Err(EvalError::Recoverable) => self.lock().known = None,
+                e => return e,
+            }
+        }
+        crossed
     }
 
     /// Finds modes of the subsystems that switch inside of the equations, whose regions contain the solution, from those that stand behind
@@ -378,7 +596,8 @@ impl Algebraic {
         let start = x.to_vec();
         // all that are outside at once, as long as they become fewer; then one after the other
         let (mut fewest, mut patience) = (usize::MAX, PATIENCE);
-        for _ in 0..MOST_MODES.min(1 + self.loops.iter().map(|l| 8 * l.n_modes).sum::<usize>()) {
+        let mut came_from = vec![None; self.loops.len()];
+        for _ in 0..MOST_MODES.min(1 + self.loops.iter().map(|l| 8 * l.n_all()).sum::<usize>()) {
             match self.solve(t, x, u, p, guess) {
                 Ok(()) => {}
                 Err(EvalError::Recoverable) => break,
@@ -391,14 +610,21 @@ impl Algebraic {
             patience = if outside.len() < fewest { PATIENCE } else { patience.saturating_sub(1) };
             fewest = fewest.min(outside.len());
             let n = if patience > 0 { outside.len() } else { 1 };
-            outside[..n].iter().for_each(|(k, mode)| x[self.dims.x + k] = *mode as f64);
+            for (k, mode) in &outside[..n] {
+                let now = self.mode_at(*k, x[self.dims.x + k]);
+                // each of two modes says that the other one is it: their surface is held
+                let between = self.loops[*k].between(now, *mode).filter(|_| came_from[*k] == Some(*mode));
+                came_from[*k] = Some(now);
+                self.enter_mode(*k, between.unwrap_or(*mode), x);
+            }
         }
-        let all = self.loops.iter().try_fold(1usize, |n, l| n.checked_mul(l.n_modes)).filter(|n| *n <= MOST_MODES);
+        let all = self.loops.iter().try_fold(1usize, |n, l| n.checked_mul(l.n_all())).filter(|n| *n <= MOST_MODES);
         for k in 0..all.filter(|n| *n > 1).unwrap_or(0) {
             x.copy_from_slice(&start);
             let mut rest = k;
-            for (l, to) in self.loops.iter().zip(&mut x[self.dims.x..]) {
-                (*to, rest) = ((rest % l.n_modes) as f64, rest / l.n_modes);
+            for (i, l) in self.loops.iter().enumerate() {
+                self.enter_mode(i, rest % l.n_all(), x);
+                rest /= l.n_all();
             }
             let inside = self.solve(t, x, u, p, guess).and_then(|()| self.outside(t, x, u, p));
             match inside {
@@ -414,29 +640,66 @@ impl Algebraic {
         Ok(false)
     }
 
+    /// Loop `k` is in this mode from here on.
+    fn enter_mode(&self, k: usize, mode: usize, x: &mut [f64]) {
+        let l = &self.loops[k];
+        x[self.dims.x + k] = mode as f64;
+        if let Some(w) = l.weight {
+            x[self.dims.x + self.loops.len() + w] = if mode < l.n_modes { 0.0 } else { 0.5 };
+        }
+    }
+
     /// The subsystems whose modes have their regions elsewhere, and the modes that have theirs here.
     fn outside(&self, t: f64, x: &[f64], u: &[f64], p: &[f64]) -> std::result::Result<Vec<(usize, usize)>, EvalError> {
         let at = Point { t, x: &x[..self.dims.x], u, p };
         let mut found = Vec::new();
         for (k, l) in self.loops.iter().enumerate() {
-            let f = l.functions();
-            let (mut v, mut work) = (vec![0.0; f.n_out()], vec![0.0; f.work_len()]);
-            f.value(&at, &mut v, &mut work)?;
-            let mut jac = vec![0.0; f.jac_pattern().nnz()];
-            f.jacobian(&at, &mut jac, &mut work)?;
-            let mut rounding = vec![0.0; v.len()];
-            let inputs = at.x.iter().chain(u).chain(p).chain(std::iter::once(&t));
-            for ((_, entries), value) in f.jac_pattern().columns().zip(inputs) {
-                entries.for_each(|e| rounding[f.jac_pattern().row_idx()[e]] += 64.0 * EPS * (jac[e] * value).abs());
+            let (v, rounding) = self.regions_at(k, &at)?;
+            let now = self.mode_at(k, x[self.dims.x + k]);
+            match l.held.get(now.wrapping_sub(l.n_modes)) {
+                Some(h) => {
+                    let w = x[self.dims.x + self.loops.len() + l.weight.unwrap_or(0)];
+                    let value: f64 = h.terms.iter().map(|(o, t)| t * v[*o]).sum();
+                    let noise: f64 = h.terms.iter().map(|(o, t)| t.abs() * rounding[*o]).sum();
+                    let beyond = |m: usize| l.leaves(m, h, &v, &rounding);
+                    if h.by == By::Rate && value.abs() > noise {
+                        found.push((k, if value > 0.0 { h.high } else { h.low }));
+                    } else if w < -ROUNDED {
+                        found.push((k, h.low));
+                    } else if w > 1.0 + ROUNDED {
+                        found.push((k, h.high));
+                    } else if let Some(next) = beyond(h.low).or_else(|| beyond(h.high)) {
+                        found.push((k, next));
+                    }
+                }
+                None => {
+                    let near = if l.weight.is_some() { NEAR } else { 1.0 };
+                    let rounding: Vec<f64> = rounding.iter().map(|r| near * r).collect();
+                    if let Some(next) = self.goes_over((k, now), &at, &v, &rounding)? {
+                        found.push((k, next));
+                    } else if !l.is_inside(now, &v, &rounding) {
+                        let there = (0..l.n_modes).find(|m| l.is_inside(*m, &v, &rounding));
+                        found.push((k, there.ok_or(EvalError::Recoverable)?));
+                    }
+                }
             }
-            let now = mode_at(x[self.dims.x + k], l.n_modes);
-            if l.is_inside(now, &v, &rounding) {
-                continue;
-            }
-            let there = (0..l.n_modes).find(|m| l.is_inside(*m, &v, &rounding));
-            found.push((k, there.ok_or(EvalError::Recoverable)?));
         }
         Ok(found)
+    }
+
+    /// Values of the functions of loop `k`, and their rounding.
+    pub(super) fn regions_at(&self, k: usize, at: &Point) -> std::result::Result<(Vec<f64>, Vec<f64>), EvalError> {
+        let f = self.loops[k].functions();
+        let (mut v, mut work) = (vec![0.0; f.n_out()], vec![0.0; f.work_len()]);
+        f.value(at, &mut v, &mut work)?;
+        let mut jac = vec![0.0; f.jac_pattern().nnz()];
+        f.jacobian(at, &mut jac, &mut work)?;
+        let mut rounding = vec![0.0; v.len()];
+        let inputs = at.x.iter().chain(at.u).chain(at.p).chain(std::iter::once(&at.t));
+        for ((_, entries), value) in f.jac_pattern().columns().zip(inputs) {
+            entries.for_each(|e| rounding[f.jac_pattern().row_idx()[e]] += 64.0 * EPS * (jac[e] * value).abs());
+        }
+        Ok((v, rounding))
     }
 
     /// The subsystems that switch inside of the equations, by their places in the system.
@@ -449,9 +712,9 @@ impl Algebraic {
         self.dims.x
     }
 
-    /// Sizes with the modes behind the states.
+    /// Sizes with the modes behind the states, and the weights behind those.
     pub(super) fn outer(&self) -> Dims {
-        Dims { x: self.dims.x + self.loops.len(), ..self.dims }
+        Dims { x: self.dims.x + self.loops.len() + self.n_weights, ..self.dims }
     }
 
     /// The place of an input where the modes stand behind the states.
@@ -459,7 +722,7 @@ impl Algebraic {
         if c < self.dims.x {
             c
         } else {
-            c + self.loops.len()
+            c + self.loops.len() + self.n_weights
         }
     }
 
@@ -478,10 +741,12 @@ impl Algebraic {
         s.t = at.t;
         s.key.iter_mut().zip(at.x.iter().chain(at.u).chain(at.p)).for_each(|(k, v)| *k = *v);
         let (states, modes) = at.x.split_at(self.dims.x);
-        s.full.copy_from_slice(states);
+        let (modes, weights) = modes.split_at(self.loops.len());
+        s.full[..states.len()].copy_from_slice(states);
+        s.full[states.len()..].copy_from_slice(weights);
         let mut same = self.affine;
-        for ((m, v), l) in s.modes.iter_mut().zip(modes).zip(&self.loops) {
-            let mode = mode_at(*v, l.n_modes);
+        for (k, (m, v)) in s.modes.iter_mut().zip(modes).enumerate() {
+            let mode = self.mode_at(k, *v);
             same &= *m == mode;
             *m = mode;
         }
@@ -498,39 +763,81 @@ impl Algebraic {
         r
     }
 
-    /// Residuals at states `x` to `h`.
+    /// How the outputs of a part are taken together.
+    fn taken_in(&self, s: &Solver, p: &Part) -> Taken {
+        p.of_loop().map_or(([(0, 1.0, 0.0); 2], 1), |k| self.taken(s, k))
+    }
+
+    /// Loops with a weight, and its number.
+    fn weighted(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.loops.iter().enumerate().filter_map(|(k, l)| Some((k, l.weight?)))
+    }
+
+    /// Residuals at the states `full`, or at those on trial, to `h`.
     fn residuals(&self, s: &mut Solver, at: &Point, of_trial: bool) -> EvalResult {
-        let x = if of_trial { &s.trial } else { &s.full };
-        let at = Point { x, ..*at };
+        let x = std::mem::take(if of_trial { &mut s.trial } else { &mut s.full });
+        let (states, weights) = x.split_at(self.dims.x);
+        s.w.copy_from_slice(weights);
+        let r = self.residuals_at(s, &Point { x: states, ..*at });
+        *(if of_trial { &mut s.trial } else { &mut s.full }) = x;
+        r
+    }
+
+    fn residuals_at(&self, s: &mut Solver, at: &Point) -> EvalResult {
         s.h.fill(0.0);
         for p in &self.parts {
-            let outputs = p.outputs(&s.modes);
-            p.f.value_rows(&at, outputs.clone(), &mut s.buffer[..p.f.n_out()], &mut s.work)?;
-            for (o, e) in outputs.zip(&p.equations) {
-                s.h[*e] += s.buffer[o];
+            let (taken, n) = self.taken_in(s, p);
+            for (mode, weight, _) in &taken[..n] {
+                let outputs = p.outputs(*mode);
+                p.f.value_rows(at, outputs.clone(), &mut s.buffer[..p.f.n_out()], &mut s.work)?;
+                outputs.zip(&p.equations).for_each(|(o, e)| s.h[*e] += weight * s.buffer[o]);
             }
+        }
+        for (k, w) in self.weighted() {
+            s.h[self.z.len() + w] = self.weight_residual(s, k, at)?;
         }
         s.h.iter().all(|v| v.is_finite()).then_some(()).ok_or(EvalError::Recoverable)
     }
 
-    /// Jacobian at the states `full`, and the factors of its part by the algebraic states; false where that is singular.
+    /// Jacobian at a point to `jac`.
+    fn jacobian_at(&self, s: &mut Solver, at: &Point) -> EvalResult {
+        s.jac.fill(0.0);
+        for p in &self.parts {
+            let (taken, n) = self.taken_in(s, p);
+            for (mode, weight, slope) in &taken[..n] {
+                let outputs = p.outputs(*mode);
+                let own = &mut s.buffer[..p.f.jac_pattern().nnz()];
+                p.f.jacobian_rows(at, outputs.clone(), own, &mut s.work)?;
+                for ((to, v), r) in p.to_jac.iter().zip(own).zip(p.f.jac_pattern().row_idx()) {
+                    if let Some(to) = to.filter(|_| outputs.contains(r)) {
+                        s.jac[to] += weight * *v;
+                    }
+                }
+                if *slope != 0.0 {
+                    p.f.value_rows(at, outputs.clone(), &mut s.buffer[..p.f.n_out()], &mut s.work)?;
+                    outputs.zip(&p.by_weight).for_each(|(o, to)| s.jac[*to] += slope * s.buffer[o]);
+                }
+            }
+        }
+        for (k, w) in self.weighted() {
+            self.weight_row(s, k, at)?;
+            self.rows_of_weights[w].iter().for_each(|(c, to)| s.jac[*to] = s.row[*c]);
+        }
+        Ok(())
+    }
+
+    /// Jacobian at the states `full`, and the factors of its part by the unknowns; false where that is singular.
     fn factorise(&self, s: &mut Solver, at: &Point) -> std::result::Result<bool, EvalError> {
         if self.affine && s.jac_known {
             return Ok(true);
         }
         (s.jac_known, s.slopes_known) = (false, false);
-        let at = Point { x: &s.full, ..*at };
-        s.jac.fill(0.0);
-        for p in &self.parts {
-            let own = &mut s.buffer[..p.f.jac_pattern().nnz()];
-            let outputs = p.outputs(&s.modes);
-            p.f.jacobian_rows(&at, outputs.clone(), own, &mut s.work)?;
-            for ((to, v), r) in p.to_jac.iter().zip(own).zip(p.f.jac_pattern().row_idx()) {
-                if let Some(to) = to.filter(|_| outputs.contains(r)) {
-                    s.jac[to] += *v;
-                }
-            }
-        }
+        let x = std::mem::take(&mut s.full);
+        let (states, weights) = x.split_at(self.dims.x);
+        s.w.copy_from_slice(weights);
+        let r = self.jacobian_at(s, &Point { x: states, ..*at });
+        s.full = x;
+        r?;
         for (b, lu) in self.blocks.iter().zip(&mut s.lus) {
             let n = b.rows.len();
             let a = lu.clear(n);
@@ -574,7 +881,8 @@ impl Algebraic {
     fn roundings(&self, s: &mut Solver, at: &Point, of_trial: bool) -> f64 {
         let x = if of_trial { &s.trial } else { &s.full };
         s.sizes.fill(0.0);
-        let inputs = x.iter().chain(at.u).chain(at.p).chain(std::iter::once(&at.t));
+        let (states, weights) = x.split_at(self.dims.x);
+        let inputs = states.iter().chain(at.u).chain(at.p).chain(std::iter::once(&at.t)).chain(weights);
         for ((_, entries), v) in self.jac.columns().zip(inputs) {
             for e in entries {
                 s.sizes[self.jac.row_idx()[e]] += (s.jac[e] * v).abs();
@@ -582,7 +890,7 @@ impl Algebraic {
         }
         for b in &self.blocks {
             let unit = |c: usize| s.units[b.unknowns[c]];
-            let largest = b.unknowns.iter().map(|i| x[self.z.start + i].abs() * s.units[*i]).fold(0.0, f64::max);
+            let largest = b.unknowns.iter().map(|i| x[self.place(*i)].abs() * s.units[*i]).fold(0.0, f64::max);
             b.by_unknowns.iter().for_each(|(e, r, c)| s.sizes[b.rows[*r]] += s.jac[*e].abs() * largest / unit(*c));
         }
         // what may be an underflow is zero
@@ -592,7 +900,7 @@ impl Algebraic {
 
     /// From the guess in `full` to the solution.
     fn newton(&self, s: &mut Solver, at: &Point) -> std::result::Result<(), Unsolved> {
-        let (nd, nz) = (self.z.start, self.z.len());
+        let n = self.n_unknowns();
         self.residuals(s, at, false)?;
         if !self.factorise(s, at)? {
             return Err(Failure::Singular.into());
@@ -602,9 +910,9 @@ impl Algebraic {
         let mut noise = self.roundings(s, at, false);
         self.correct(s);
         s.step.copy_from_slice(&s.next);
-        s.start.copy_from_slice(&s.full[nd..nd + nz]);
-        for i in 0..nz {
-            s.weights[i] = s.full[nd + i].abs().max(s.step[i].abs());
+        for i in 0..n {
+            s.start[i] = s.full[self.place(i)];
+            s.weights[i] = s.start[i].abs().max(s.step[i].abs());
         }
         for b in &self.blocks {
             let largest = b.unknowns.iter().map(|i| s.weights[*i] * s.units[*i]).fold(0.0, f64::max);
@@ -617,7 +925,7 @@ impl Algebraic {
         for _ in 0..s.guess.most() {
             if noise <= ZERO {
                 // the last correction costs nothing, and the result does not depend on how close the others came
-                (0..nz).for_each(|i| s.full[nd + i] += s.step[i]);
+                (0..n).for_each(|i| s.full[self.place(i)] += s.step[i]);
                 s.jac_known = self.affine;
                 return Ok(());
             }
@@ -632,7 +940,7 @@ impl Algebraic {
             }
             let fall = loop {
                 s.trial.copy_from_slice(&s.full);
-                (0..nz).for_each(|i| s.trial[nd + i] += part * s.step[i]);
+                (0..n).for_each(|i| s.trial[self.place(i)] += part * s.step[i]);
                 let mut shorter = 0.5 * part;
                 match self.residuals(s, at, true) {
                     Ok(()) => {
@@ -654,8 +962,8 @@ impl Algebraic {
                     Err(e) => return Err(e.into()),
                 }
                 // far out a correction may be much longer than what it corrects
-                let least = |i: usize| SHORTEST * s.full[nd + i].abs().max(s.start[i].abs()) / s.step[i].abs();
-                let least = (0..nz).map(least).fold(SHORTEST, f64::min).max(f64::MIN_POSITIVE);
+                let least = |i: usize| SHORTEST * s.full[self.place(i)].abs().max(s.start[i].abs()) / s.step[i].abs();
+                let least = (0..n).map(least).fold(SHORTEST, f64::min).max(f64::MIN_POSITIVE);
                 if shorter.is_nan() || shorter < least {
                     return Err(Failure::Stuck.into());
                 }
@@ -733,7 +1041,7 @@ impl Algebraic {
         Ok(())
     }
 
-    /// Derivatives of algebraic state `i` where they are known: by which inputs, and the values.
+    /// Derivatives of unknown `i` where they are known: by which inputs, and the values.
     pub(super) fn slopes<'a>(&'a self, s: &'a Solver, i: usize) -> (&'a [usize], &'a [f64]) {
         let k = self.block_of[i];
         let b = &self.blocks[k];
@@ -743,22 +1051,69 @@ impl Algebraic {
 }
 
 impl Algebraic {
-    /// The inputs that one input of the whole system follows, with its derivatives by them: itself, if it is no algebraic state.
+    /// The inputs that one input of the whole system, or a weight behind them, follows, with its derivatives by them: itself, if it is no
+    /// unknown.
     pub(super) fn follows<'a>(&'a self, s: &'a Solver, input: &'a [usize; 1]) -> (&'a [usize], &'a [f64]) {
-        match self.z.contains(&input[0]) {
-            true => self.slopes(s, input[0] - self.z.start),
-            false => (input, &[1.0]),
+        match self.unknown(input[0]) {
+            Some(i) => self.slopes(s, i),
+            None => (input, &[1.0]),
         }
+    }
+
+    /// The unknown that stands at an input of the whole system, or is a weight behind them.
+    pub(super) fn unknown(&self, input: usize) -> Option<usize> {
+        match input.checked_sub(self.dims.n_in()) {
+            Some(w) => Some(self.z.len() + w),
+            None => self.z.contains(&input).then(|| input - self.z.start),
+        }
+    }
+
+    /// Multipliers of the equations for weights of the unknowns.
+    pub(super) fn multipliers(&self, s: &mut Solver, by_unknown: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; by_unknown.len()];
+        for (b, lu) in self.blocks.iter().zip(&mut s.lus) {
+            let column = &mut s.column[..b.rows.len()];
+            column.iter_mut().zip(&b.unknowns).for_each(|(c, i)| *c = -by_unknown[*i]);
+            lu.solve_transposed(column);
+            b.rows.iter().zip(column).for_each(|(r, c)| out[*r] = *c);
+        }
+        out
+    }
+
+    /// Second derivatives of the equations times these multipliers, at a point with the solution: input or weight, input or weight, value.
+    pub(super) fn bends_of_equations(
+        &self,
+        s: &mut Solver,
+        at: &Point,
+        multipliers: &[f64],
+    ) -> std::result::Result<Vec<(usize, usize, f64)>, EvalError> {
+        let mut out = Vec::new();
+        for p in &self.parts {
+            let (taken, n) = self.taken_in(s, p);
+            let column = p.of_loop().and_then(|k| self.loops[k].weight).map(|w| self.dims.n_in() + w);
+            for (mode, weight, slope) in &taken[..n] {
+                let mut own = vec![0.0; p.f.n_out()];
+                p.outputs(*mode).zip(&p.equations).for_each(|(o, e)| own[o] = multipliers[*e]);
+                let Solver { buffer, other, work, .. } = s;
+                bends_of((&p.f, at), &own, (*weight, *slope, column), (buffer, other, work), &mut out)?;
+            }
+        }
+        for (k, w) in self.weighted() {
+            self.weight_bends(s, k, at, multipliers[self.z.len() + w], &mut out)?;
+        }
+        Ok(out)
     }
 }
 
 /// Parts of the equations that have to do with each other, and the part of every unknown.
-fn blocks(jac: &Pattern, nd: usize, nz: usize) -> Result<(Vec<Block>, Vec<usize>)> {
+/// `places` are the columns of the unknowns, ascending.
+fn blocks(jac: &Pattern, places: &[usize]) -> Result<(Vec<Block>, Vec<usize>)> {
+    let nz = places.len();
     // representatives of equations, and of unknowns behind them
     let mut chief: Vec<usize> = (0..2 * nz).collect();
     let mut used = vec![false; 2 * nz];
     for c in 0..nz {
-        for &r in jac.rows(nd + c) {
+        for &r in jac.rows(places[c]) {
             (used[r], used[nz + c]) = (true, true);
             join(&mut chief, r, nz + c);
         }
@@ -804,8 +1159,8 @@ fn blocks(jac: &Pattern, nd: usize, nz: usize) -> Result<(Vec<Block>, Vec<usize>
         for (c, entries) in jac.columns() {
             for e in entries {
                 let Ok(r) = b.rows.binary_search(&jac.row_idx()[e]) else { continue };
-                if (nd..nd + nz).contains(&c) {
-                    let c = b.unknowns.binary_search(&(c - nd)).unwrap_or(0);
+                if let Ok(unknown) = places.binary_search(&c) {
+                    let c = b.unknowns.binary_search(&unknown).unwrap_or(0);
                     b.by_unknowns.push((e, r, c));
                 } else {
                     if b.columns.last() != Some(&c) {
@@ -834,9 +1189,4 @@ fn norm(v: impl Iterator<Item = f64> + Clone) -> f64 {
         return largest;
     }
     largest * v.map(|v| (v / largest).powi(2)).sum::<f64>().sqrt()
-}
-
-/// The mode that a discrete state stands for.
-pub(super) fn mode_at(v: f64, n_modes: usize) -> usize {
-    (v as usize).min(n_modes - 1)
 }

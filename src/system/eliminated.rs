@@ -3,7 +3,9 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::algebraic::{mode_at, Algebraic, Solver};
+use super::algebraic::{Algebraic, Solver};
+use super::complementary::{Combination, Coordinates};
+use super::held::{bends_of, Taken};
 use super::{Direction, Regions, Reset, Rule, SharedFunction, Subsystem, System, Transition};
 use crate::error::{Error, Result};
 use crate::func::{Dims, EvalResult, Function, Point};
@@ -35,6 +37,8 @@ pub(crate) struct Eliminated {
     direct: Vec<(usize, usize)>,
     /// Entry, algebraic state, and where what comes by it goes, one place for each of its columns.
     through: Vec<(usize, usize, Range<usize>)>,
+    /// The weight of the modes among the unknowns, and where what comes by it in every output goes.
+    by_weight: Option<(usize, Vec<Range<usize>>)>,
     places: Vec<usize>,
     /// Inputs of the Hessian, ascending; empty where it is zero.
     inputs: Vec<usize>,
@@ -45,7 +49,7 @@ pub(crate) struct Eliminated {
 
 /// How the outputs of a function are taken.
 #[derive(Clone, Copy)]
-struct Taken<'a> {
+struct Outputs<'a> {
     own: OwnRows,
     /// States of the outputs, where these have any.
     rows: &'a [usize],
@@ -55,7 +59,7 @@ struct Taken<'a> {
 }
 
 impl Eliminated {
-    fn function(f: &SharedFunction, algebraic: &Arc<Algebraic>, taken: Taken) -> SharedFunction {
+    fn function(f: &SharedFunction, algebraic: &Arc<Algebraic>, taken: Outputs) -> SharedFunction {
         let (a, p) = (algebraic, f.jac_pattern());
         let z = a.z.clone();
         let n = taken.switched.map_or(f.n_out(), |s| s.1);
@@ -90,10 +94,30 @@ impl Eliminated {
                 }
             }
         }
+        let weight = taken.switched.and_then(|(k, _)| a.loops[k].weight).map(|w| a.z.len() + w);
+        let by_weight = weight.map(|w| {
+            let columns = &a.blocks[a.block_of[w]].columns;
+            let own = (0..n).map(|r| {
+                let at = out_rows.len();
+                if is_own[r] {
+                    return at..at;
+                }
+                out_rows.extend(columns.iter().map(|_| r));
+                out_cols.extend(columns.iter().map(|c| a.outer_input(*c)));
+                at..at + columns.len()
+            });
+            let own = own.collect();
+            touched.extend_from_slice(columns);
+            (w, own)
+        });
         let n_in = a.outer().n_in();
         let (jac, places) = Pattern::from_triplets(is_own.len(), n_in, &out_rows, &out_cols);
         direct.iter_mut().for_each(|d| d.1 = places[d.1]);
-        let bends = !a.affine && !through.is_empty();
+        let bends = !a.affine && !(through.is_empty() && by_weight.is_none());
+        if by_weight.is_some() {
+            // a weight multiplies the whole of an output
+            touched.extend((0..p.n_cols()).filter(|c| !p.rows(*c).is_empty() && !z.contains(c)));
+        }
         let own_hessian = f.hess_pattern();
         if bends || own_hessian.nnz() > 0 {
             for (c, entries) in own_hessian.columns() {
@@ -127,6 +151,7 @@ impl Eliminated {
             jac,
             direct,
             through,
+            by_weight,
             places,
             inputs: touched,
             hess,
@@ -134,23 +159,28 @@ impl Eliminated {
         })
     }
 
-    /// The outputs of the function that are these, under the modes of a point.
-    fn inner(&self, rows: &Range<usize>, x: &[f64]) -> Range<usize> {
-        let a = &*self.algebraic;
-        let (n, by) = match self.switched {
-            Some((k, n)) => (n, n * mode_at(x[a.dims.x + k], a.loops[k].n_modes)),
-            None => (self.f.n_out(), 0),
-        };
+    /// The outputs of the function that are these under a mode.
+    fn inner(&self, rows: &Range<usize>, mode: usize) -> Range<usize> {
+        let (n, by) = self.switched.map_or((self.f.n_out(), 0), |(_, n)| (n, n * mode));
         by + rows.start.min(n)..by + rows.end.min(n)
     }
 
-    /// Adds `v` times the second derivative by inputs `i` and `j` of all of the system to `out`.
-    fn add_bend(&self, s: &Solver, (i, j): (usize, usize), v: f64, out: &mut [f64]) {
+    /// How the outputs of modes are taken together where the solver is.
+    fn taken(&self, s: &mut Solver) -> Taken {
         let a = &*self.algebraic;
+        s.w.copy_from_slice(&s.full[a.dims.x..]);
+        self.switched.map_or(([(0, 1.0, 0.0); 2], 1), |(k, _)| a.taken(s, k))
+    }
+}
+
+impl Algebraic {
+    /// Adds `v` times the second derivative by `i` and `j`, inputs of all of the system or weights behind them, to `out`: an upper triangle over
+    /// `inputs`.
+    fn add_bend(&self, s: &Solver, inputs: &[usize], (i, j): (usize, usize), v: f64, out: &mut [f64]) {
         let (own_i, own_j) = ([i], [j]);
-        let (ci, vi) = a.follows(s, &own_i);
-        let (cj, vj) = a.follows(s, &own_j);
-        let place = |c: &usize| self.inputs.binary_search(c).unwrap_or(0);
+        let (ci, vi) = self.follows(s, &own_i);
+        let (cj, vj) = self.follows(s, &own_j);
+        let place = |c: &usize| inputs.binary_search(c).unwrap_or(0);
         for (a, va) in ci.iter().zip(vi) {
             for (b, vb) in cj.iter().zip(vj) {
                 let (ka, kb) = (place(a), place(b));
@@ -183,8 +213,7 @@ impl Function for Eliminated {
     }
     fn work_len(&self) -> usize {
         let f = &self.f;
-        let entries = f.jac_pattern().nnz() + f.hess_pattern().nnz() + f.n_out();
-        self.algebraic.dims.x + entries + f.work_len()
+        f.jac_pattern().nnz() + f.hess_pattern().nnz() + f.n_out() + f.work_len()
     }
     fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
         self.value_rows(at, 0..self.n_out, out, work)
@@ -196,14 +225,18 @@ impl Function for Eliminated {
         let a = &*self.algebraic;
         let mut s = a.lock();
         a.settle(&mut s, at)?;
-        let inner = self.inner(&rows, at.x);
-        let there = Point { x: &s.full, ..*at };
+        let (taken, n_taken) = self.taken(&mut s);
+        let there = Point { x: &s.full[..a.dims.x], ..*at };
         match self.switched {
-            None => self.f.value_rows(&there, inner, &mut out[..self.f.n_out()], work)?,
+            None => self.f.value_rows(&there, self.inner(&rows, 0), &mut out[..self.f.n_out()], work)?,
             Some((_, n)) => {
                 let (own, work) = work.split_at_mut(self.f.n_out());
-                self.f.value_rows(&there, inner.clone(), own, work)?;
-                inner.for_each(|o| out[o % n] = own[o]);
+                out.fill(0.0);
+                for (mode, weight, _) in &taken[..n_taken] {
+                    let inner = self.inner(&rows, *mode);
+                    self.f.value_rows(&there, inner.clone(), own, work)?;
+                    inner.for_each(|o| out[o % n] += weight * own[o]);
+                }
             }
         }
         let first_more = self.switched.map_or(self.f.n_out(), |s| s.1);
@@ -219,16 +252,28 @@ impl Function for Eliminated {
         let mut s = a.lock();
         a.settle(&mut s, at)?;
         a.differentiate(&mut s, at)?;
-        let inner = self.inner(&rows, at.x);
-        self.f.jacobian_rows(&Point { x: &s.full, ..*at }, inner.clone(), entries, work)?;
-        let all = inner.len() == self.f.n_out();
-        let pattern = self.f.jac_pattern();
-        let of_rows = |e: usize| all || inner.contains(&pattern.row_idx()[e]);
+        let (taken, n_taken) = self.taken(&mut s);
+        let there = Point { x: &s.full[..a.dims.x], ..*at };
         out.fill(0.0);
-        self.direct.iter().filter(|d| of_rows(d.0)).for_each(|(e, to)| out[*to] += entries[*e]);
-        for (e, z, places) in self.through.iter().filter(|d| of_rows(d.0)) {
-            let (_, slopes) = a.slopes(&s, *z);
-            self.places[places.clone()].iter().zip(slopes).for_each(|(to, v)| out[*to] += entries[*e] * v);
+        for (mode, weight, slope) in &taken[..n_taken] {
+            let inner = self.inner(&rows, *mode);
+            self.f.jacobian_rows(&there, inner.clone(), entries, work)?;
+            let all = inner.len() == self.f.n_out();
+            let pattern = self.f.jac_pattern();
+            let of_rows = |e: usize| all || inner.contains(&pattern.row_idx()[e]);
+            self.direct.iter().filter(|d| of_rows(d.0)).for_each(|(e, to)| out[*to] += weight * entries[*e]);
+            for (e, z, places) in self.through.iter().filter(|d| of_rows(d.0)) {
+                let (_, slopes) = a.slopes(&s, *z);
+                self.places[places.clone()].iter().zip(slopes).for_each(|(to, v)| out[*to] += weight * entries[*e] * v);
+            }
+            let Some((w, ranges)) = self.by_weight.as_ref().filter(|_| *slope != 0.0) else { continue };
+            let (own, work) = work.split_at_mut(self.f.n_out());
+            self.f.value_rows(&there, inner.clone(), own, work)?;
+            let (_, slopes) = a.slopes(&s, *w);
+            for (o, places) in inner.zip(&ranges[rows.start.min(ranges.len())..]) {
+                let to = self.places[places.clone()].iter().zip(slopes);
+                to.for_each(|(to, v)| out[*to] += slope * own[o] * v);
+            }
         }
         Ok(())
     }
@@ -238,60 +283,43 @@ impl Function for Eliminated {
             return Ok(());
         }
         let (a, f) = (&*self.algebraic, &self.f);
-        let (x, work) = work.split_at_mut(a.dims.x);
-        let (jac, work) = work.split_at_mut(f.jac_pattern().nnz());
-        let (hess, work) = work.split_at_mut(f.hess_pattern().nnz());
-        let (own, work) = work.split_at_mut(f.n_out());
-        own.fill(0.0);
-        let n = self.switched.map_or(f.n_out(), |s| s.1);
-        for o in self.inner(&(0..n), at.x).filter(|o| !self.is_own[o % n]) {
-            own[o] = weights[o % n];
-        }
         let mut guard = a.lock();
         let s = &mut *guard;
         a.settle(s, at)?;
-        x.copy_from_slice(&s.full);
+        let x = s.full[..a.dims.x].to_vec();
         a.differentiate(s, at)?;
-        let there = Point { x, ..*at };
-        f.hessian(&there, own, hess, work)?;
-        if self.bends {
-            f.jacobian(&there, jac, work)?;
-        }
-        for (c, entries) in f.hess_pattern().columns() {
-            for e in entries {
-                self.add_bend(s, (f.hess_pattern().row_idx()[e], c), hess[e], out);
+        let (taken, n_taken) = self.taken(s);
+        let there = Point { x: &x, ..*at };
+        let n = self.switched.map_or(f.n_out(), |s| s.1);
+        let mut bends = Vec::new();
+        let mut by_unknown = vec![0.0; a.block_of.len()];
+        let column = self.by_weight.as_ref().map(|(w, _)| a.dims.n_in() + w - a.z.len());
+        for (mode, weight, slope) in &taken[..n_taken] {
+            let mut own = vec![0.0; f.n_out()];
+            for o in self.inner(&(0..n), *mode).filter(|o| !self.is_own[o % n]) {
+                own[o] = weights[o % n];
             }
-        }
-        if !self.bends {
-            return Ok(());
-        }
-        // multipliers of the equations
-        let mut by_z = vec![0.0; a.z.len()];
-        for (e, z, _) in &self.through {
-            by_z[*z] += own[f.jac_pattern().row_idx()[*e]] * jac[*e];
-        }
-        let mut multipliers = vec![0.0; by_z.len()];
-        for (b, lu) in a.blocks.iter().zip(&mut s.lus) {
-            let column = &mut s.column[..b.rows.len()];
-            column.iter_mut().zip(&b.unknowns).for_each(|(c, i)| *c = -by_z[*i]);
-            lu.solve_transposed(column);
-            b.rows.iter().zip(column).for_each(|(r, c)| multipliers[*r] = *c);
-        }
-        for p in &a.parts {
-            let mut own = vec![0.0; p.f.n_out()];
-            p.outputs(&s.modes).zip(&p.equations).for_each(|(o, e)| own[o] = multipliers[*e]);
-            let n = p.f.hess_pattern().nnz();
-            if own.iter().all(|v| *v == 0.0) || n == 0 {
+            let (jac, work) = work.split_at_mut(f.jac_pattern().nnz());
+            let (hess, work) = work.split_at_mut(f.hess_pattern().nnz());
+            bends_of((f, &there), &own, (*weight, *slope, column), (hess, jac, work), &mut bends)?;
+            if !self.bends {
                 continue;
             }
-            let mut bend = vec![0.0; n];
-            p.f.hessian(&there, &own, &mut bend, &mut s.work)?;
-            for (c, entries) in p.f.hess_pattern().columns() {
-                for e in entries.filter(|e| bend[*e] != 0.0) {
-                    self.add_bend(s, (p.f.hess_pattern().row_idx()[e], c), bend[e], out);
-                }
+            f.jacobian(&there, jac, work)?;
+            for (e, z, _) in &self.through {
+                by_unknown[*z] += weight * own[f.jac_pattern().row_idx()[*e]] * jac[*e];
+            }
+            if let Some((w, _)) = self.by_weight.as_ref().filter(|_| *slope != 0.0) {
+                let (value, work) = work.split_at_mut(f.n_out());
+                f.value(&there, value, work)?;
+                by_unknown[*w] += slope * own.iter().zip(value).map(|(o, v)| o * *v).sum::<f64>();
             }
         }
+        if self.bends {
+            let multipliers = a.multipliers(s, &by_unknown);
+            bends.extend(a.bends_of_equations(s, &there, &multipliers)?);
+        }
+        bends.iter().filter(|b| b.2 != 0.0).for_each(|(i, j, v)| a.add_bend(s, &self.inputs, (*i, *j), *v, out));
         Ok(())
     }
     fn is_serial(&self) -> bool {
@@ -305,23 +333,43 @@ impl Function for Eliminated {
     }
 }
 
-/// The algebraic states themselves, as outputs.
-struct Unknowns {
-    dims: Dims,
-    z: Range<usize>,
+/// The weight of a loop, as an output: times a sign, less what it is at an end of its interval.
+struct WeightAt {
+    algebraic: Arc<Algebraic>,
+    unknown: usize,
+    sign: f64,
+    end: f64,
     jac: Pattern,
+    inputs: Vec<usize>,
     hess: Pattern,
 }
 
-impl Function for Unknowns {
+impl WeightAt {
+    fn new(a: &Arc<Algebraic>, weight: usize, sign: f64, end: f64) -> WeightAt {
+        let unknown = a.z.len() + weight;
+        let inputs = a.blocks[a.block_of[unknown]].columns.clone();
+        let outer: Vec<usize> = inputs.iter().map(|c| a.outer_input(*c)).collect();
+        let n = a.outer().n_in();
+        let jac = Pattern::from_triplets(1, n, &vec![0; outer.len()], &outer).0;
+        let (mut rows, mut cols) = (Vec::new(), Vec::new());
+        for (k, c) in outer.iter().enumerate() {
+            rows.extend(&outer[..=k]);
+            cols.extend(std::iter::repeat_n(*c, k + 1));
+        }
+        let hess = Pattern::from_triplets(n, n, &rows, &cols).0;
+        WeightAt { algebraic: a.clone(), unknown, sign, end, jac, inputs, hess }
+    }
+}
+
+impl Function for WeightAt {
     fn name(&self) -> &str {
-        "algebraic states"
+        "weight of a mode"
     }
     fn dims(&self) -> Dims {
-        self.dims
+        self.algebraic.outer()
     }
     fn n_out(&self) -> usize {
-        self.jac.n_rows()
+        1
     }
     fn jac_pattern(&self) -> &Pattern {
         &self.jac
@@ -333,91 +381,45 @@ impl Function for Unknowns {
         0
     }
     fn value(&self, at: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
-        out.copy_from_slice(&at.x[self.z.clone()]);
+        let a = &*self.algebraic;
+        let mut s = a.lock();
+        a.settle(&mut s, at)?;
+        out[0] = self.sign * (s.full[a.dims.x + self.unknown - a.z.len()] - self.end);
         Ok(())
     }
-    fn jacobian(&self, _: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
-        out.fill(1.0);
+    fn jacobian(&self, at: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
+        let a = &*self.algebraic;
+        let mut s = a.lock();
+        a.settle(&mut s, at)?;
+        a.differentiate(&mut s, at)?;
+        out.iter_mut().zip(a.slopes(&s, self.unknown).1).for_each(|(o, v)| *o = self.sign * v);
         Ok(())
     }
-    fn hessian(&self, _: &Point, _: &[f64], _: &mut [f64], _: &mut [f64]) -> EvalResult {
-        Ok(())
-    }
-}
-
-/// A sum of outputs of a function.
-struct Sum {
-    f: SharedFunction,
-    terms: Vec<(usize, f64)>,
-    jac: Pattern,
-    /// Where the entries of the Jacobian go, and their weights.
-    places: Vec<(usize, usize, f64)>,
-}
-
-impl Sum {
-    fn new(f: &SharedFunction, terms: &[(usize, f64)]) -> Sum {
-        let p = f.jac_pattern();
-        let (mut cols, mut of) = (Vec::new(), Vec::new());
-        for (c, entries) in p.columns() {
-            for e in entries {
-                if let Some((_, w)) = terms.iter().find(|t| t.0 == p.row_idx()[e]) {
-                    cols.push(c);
-                    of.push((e, *w));
-                }
-            }
-        }
-        let (jac, map) = Pattern::from_triplets(1, p.n_cols(), &vec![0; cols.len()], &cols);
-        let places = of.into_iter().zip(map).map(|((e, w), to)| (e, to, w)).collect();
-        Sum { f: f.clone(), terms: terms.to_vec(), jac, places }
-    }
-}
-
-impl Function for Sum {
-    fn name(&self) -> &str {
-        self.f.name()
-    }
-    fn dims(&self) -> Dims {
-        self.f.dims()
-    }
-    fn n_out(&self) -> usize {
-        1
-    }
-    fn jac_pattern(&self) -> &Pattern {
-        &self.jac
-    }
-    fn hess_pattern(&self) -> &Pattern {
-        self.f.hess_pattern()
-    }
-    fn work_len(&self) -> usize {
-        self.f.n_out().max(self.f.jac_pattern().nnz()) + self.f.work_len()
-    }
-    fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        let (own, work) = work.split_at_mut(self.f.n_out());
-        self.f.value(at, own, work)?;
-        out[0] = self.terms.iter().map(|(o, w)| w * own[*o]).sum();
-        Ok(())
-    }
-    fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        let (own, work) = work.split_at_mut(self.f.jac_pattern().nnz());
-        self.f.jacobian(at, own, work)?;
+    fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], _: &mut [f64]) -> EvalResult {
+        let a = &*self.algebraic;
+        let mut guard = a.lock();
+        let s = &mut *guard;
+        a.settle(s, at)?;
+        a.differentiate(s, at)?;
+        s.w.copy_from_slice(&s.full[a.dims.x..]);
+        let x = s.full[..a.dims.x].to_vec();
+        let mut by_unknown = vec![0.0; a.block_of.len()];
+        by_unknown[self.unknown] = self.sign * weights[0];
+        let multipliers = a.multipliers(s, &by_unknown);
         out.fill(0.0);
-        self.places.iter().for_each(|(e, to, w)| out[*to] += w * own[*e]);
+        for (i, j, v) in a.bends_of_equations(s, &Point { x: &x, ..*at }, &multipliers)? {
+            a.add_bend(s, &self.inputs, (i, j), v, out);
+        }
         Ok(())
-    }
-    fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        let (own, work) = work.split_at_mut(self.f.n_out());
-        own.fill(0.0);
-        self.terms.iter().for_each(|(o, w)| own[*o] = w * weights[0]);
-        self.f.hessian(at, own, out, work)
     }
     fn is_serial(&self) -> bool {
-        self.f.is_serial()
+        self.algebraic.parts.iter().any(|p| p.f.is_serial())
     }
     fn jacobian_is_approximate(&self) -> bool {
-        self.f.jacobian_is_approximate()
+        self.algebraic.parts.iter().any(|p| p.f.jacobian_is_approximate())
     }
     fn hessian_is_approximate(&self) -> bool {
-        self.f.hessian_is_approximate()
+        self.algebraic.parts.iter().any(|p| p.f.hessian_is_approximate())
     }
 }
 
@@ -449,12 +451,12 @@ impl System {
         let algebraic = Arc::new(Algebraic::new(self)?);
         let (a, nx) = (&algebraic, self.dims.x);
         let all: Vec<usize> = (0..nx).collect();
-        let none = Taken { own: OwnRows::Plain, rows: &[], switched: None, more: 0 };
+        let none = Outputs { own: OwnRows::Plain, rows: &[], switched: None, more: 0 };
         let plain = |f: &SharedFunction| Eliminated::function(f, a, none);
         let mut system =
             System { dims: a.outer(), n_z: 0, algebraic: None, combined: None, subsystems: Vec::new(), ..self.clone() };
-        let zero = Taken { own: OwnRows::Zero, ..none };
-        let of_f0 = Taken { rows: &all, more: a.loops.len(), ..zero };
+        let zero = Outputs { own: OwnRows::Zero, ..none };
+        let of_f0 = Outputs { rows: &all, more: a.loops.len() + a.n_weights(), ..zero };
         system.f0 = self.f0.as_ref().map(|f| Eliminated::function(f, a, of_f0));
         for (k, s) in self.subsystems.iter().enumerate() {
             let switched = a.loops.iter().position(|l| l.subsystem == k).map(|l| (l, s.rows.len()));
@@ -462,7 +464,7 @@ impl System {
                 continue;
             }
             let rows: Vec<usize> = (0..s.n_modes).flat_map(|_| s.rows.iter().copied()).collect();
-            let modes = Eliminated::function(&s.modes, a, Taken { rows: &rows, switched, ..zero });
+            let modes = Eliminated::function(&s.modes, a, Outputs { rows: &rows, switched, ..zero });
             let regions = match &s.regions {
                 Regions::Signs { psi, signs } => Regions::Signs { psi: plain(psi), signs: signs.clone() },
                 Regions::Indicators(g) => Regions::Indicators(plain(g)),
@@ -473,31 +475,47 @@ impl System {
         for t in &mut system.transitions {
             t.guard = plain(&t.guard);
             if let Some(r) = &mut t.reset {
-                let f = Eliminated::function(&r.f, a, Taken { own: OwnRows::Guess, rows: &r.rows, ..none });
+                let f = Eliminated::function(&r.f, a, Outputs { own: OwnRows::Guess, rows: &r.rows, ..none });
                 *r = Reset { f, ..r.clone() };
             }
         }
+        let next = |guard: SharedFunction, k: usize, [from, to]: [usize; 2]| Transition {
+            guard,
+            clauses: Vec::new(),
+            direction: Direction::Rising,
+            from: vec![(nx + k, from as f64)],
+            reset: None,
+            to: vec![(nx + k, to as f64)],
+            rule: Rule::default(),
+        };
         for (k, l) in a.loops.iter().enumerate() {
+            let crosses = |terms: &[(usize, f64)]| {
+                let f = l.functions();
+                let sum = vec![terms.iter().map(|(o, weight)| (0, *o, *weight)).collect()];
+                plain(&(Arc::new(Combination::new(f.name().into(), vec![f.clone()], sum)) as SharedFunction))
+            };
             for mode in 0..l.n_modes {
-                for (terms, next) in l.exits(mode) {
-                    let guard: SharedFunction = Arc::new(Sum::new(l.functions(), &terms));
-                    system.transitions.push(Transition {
-                        guard: plain(&guard),
-                        clauses: Vec::new(),
-                        direction: Direction::Rising,
-                        from: vec![(nx + k, mode as f64)],
-                        reset: None,
-                        to: vec![(nx + k, next as f64)],
-                        rule: Rule::default(),
-                    });
+                for (terms, to) in l.exits(mode) {
+                    let guard = crosses(&terms);
+                    let held = l.between(mode, to).map(|held| next(guard.clone(), k, [mode, held]));
+                    system.transitions.push(next(guard, k, [mode, to]));
+                    // no discrete state has two values: it is made in place of the one before it, and never by itself
+                    system
+                        .transitions
+                        .extend(held.map(|t| Transition { from: vec![t.from[0], (t.from[0].0, -1.0)], ..t }));
                 }
             }
+            for (i, h) in l.held.iter().enumerate() {
+                let (mode, weight) = (l.n_modes + i, l.weight.unwrap_or(0));
+                for (sign, end, to) in [(-1.0, 0.0, h.low), (1.0, 1.0, h.high)] {
+                    system.transitions.push(next(Arc::new(WeightAt::new(a, weight, sign, end)), k, [mode, to]));
+                }
+                let exits = l.exits_of_held(h);
+                system.transitions.extend(exits.iter().map(|(terms, to)| next(crosses(terms), k, [mode, *to])));
+            }
         }
-        let (nz, n, z) = (self.n_z, self.dims.n_in(), self.algebraic_states());
-        let rows: Vec<usize> = (0..nz).collect();
-        let cols: Vec<usize> = z.clone().collect();
-        let jac = Pattern::from_triplets(nz, n, &rows, &cols).0;
-        let own: SharedFunction = Arc::new(Unknowns { dims: self.dims, z, jac, hess: Pattern::empty(n, n) });
+        let z = self.algebraic_states().collect();
+        let own: SharedFunction = Arc::new(Coordinates::new("algebraic states", self.dims, z));
         let unknowns = plain(&own);
         Ok(Some(Elimination { system, algebraic, unknowns }))
     }

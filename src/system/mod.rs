@@ -9,8 +9,10 @@
 
 mod algebraic;
 mod choice;
+mod complementary;
 mod contact;
 mod eliminated;
+mod held;
 mod on_demand;
 mod smoothed;
 mod smoothed_whole;

@@ -2220,6 +2220,7 @@ const NAMES = [
     :swb_system_add_subsystem_indicators,
     :swb_system_add_inclusion,
     :swb_system_set_algebraic,
+    :swb_system_add_complementarity,
     :swb_system_sizes,
     :swb_system_surfaces,
     :swb_system_free,
@@ -3269,9 +3270,10 @@ Make the last n_z states algebraic: what f0 and modes add to their rows, and the
 instead of being a derivative. Functions see them among the states. Their initial values are guesses where the
 smooth equations determine them. Event-driven simulation takes equations of index 1: the matrix of their derivatives by
 the algebraic states is regular. They are solved where a run begins, behind every event and at every point of a result;
-a run that comes to a singular matrix ends there, and says so. Modes may switch inside of the equations as those of
-diodes and limiters do, where the algebraic states do not jump at a switch. States that transitions alone change, and
-that stand behind all others as those of a model do, are not counted: add transitions before.
+a run that comes to a singular matrix ends there, and says so. Modes may switch inside of the equations. Where neither of
+two modes goes on beyond the surface between them, it is held by a weight of both, as by a relay in its own loop.
+States that transitions alone change, and that stand behind all others as those of a model do, are not counted: add
+transitions before.
 
 @param[in] n_z fewer than nx; 0: none
 @param[in] g   n_z outputs; may be NULL if f0 and modes hold the equations
@@ -3281,6 +3283,25 @@ swb_system_set_algebraic(system, n_z, g) =
     ccall(address(58), swb_status, (Ptr{swb_system}, Int64, Ptr{swb_function}), system, n_z, g)
 
 """
+    swb_system_add_complementarity(system, rows, n_rows, a, b, index) -> swb_status
+
+Add complementarity conditions 0 <= a_k, b_k >= 0, a_k b_k = 0 to the equations of algebraic states: one of both is zero,
+and the other one is not negative, as current and voltage of an ideal diode. Linear complementarity systems have the
+algebraic states themselves as a, and b = C x + D z + F u. Each condition is a subsystem with the modes a_k = 0 and
+b_k = 0, in this order. Call swb_system_set_algebraic before.
+
+@param[in]  rows  [n_rows] algebraic states, one for each condition
+@param[in]  a     n_rows outputs; may be NULL: the states in rows
+@param[in]  b     n_rows outputs
+@param[out] index number of the first subsystem; may be NULL
+@return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if rows repeat; SWB_ERR_STATE if a row is no
+        algebraic state
+"""
+swb_system_add_complementarity(system, rows, n_rows, a, b, index) =
+    ccall(address(59), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Ptr{swb_function},
+        Ptr{Int64}), system, rows, n_rows, a, b, index)
+
+"""
     swb_system_sizes(system, nx, nu, np, n_subsystems) -> swb_status
 
 Sizes of a system. Any output may be NULL.
@@ -3288,7 +3309,7 @@ Sizes of a system. Any output may be NULL.
 @return SWB_OK
 """
 swb_system_sizes(system, nx, nu, np, n_subsystems) =
-    ccall(address(59), swb_status, (Ptr{swb_system}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), system, nx,
+    ccall(address(60), swb_status, (Ptr{swb_system}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), system, nx,
         nu, np, n_subsystems)
 
 """
@@ -3304,7 +3325,7 @@ g_i - g_j, i < j, of its indicators, NaN where both are not the smallest two.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NONFINITE if a function is not defined at the point
 """
 swb_system_surfaces(system, subsystem, at, values, n, needed) =
-    ccall(address(60), swb_status, (Ptr{swb_system}, Int64, Ptr{swb_point}, Ptr{Cdouble}, Int64, Ptr{Int64}),
+    ccall(address(61), swb_status, (Ptr{swb_system}, Int64, Ptr{swb_point}, Ptr{Cdouble}, Int64, Ptr{Int64}),
         system, subsystem, at, values, n, needed)
 
 """
@@ -3312,7 +3333,7 @@ swb_system_surfaces(system, subsystem, at, values, n, needed) =
 
 Free; objects made of the system keep what they need. NULL is allowed.
 """
-swb_system_free(system) = ccall(address(61), Cvoid, (Ptr{swb_system},), system)
+swb_system_free(system) = ccall(address(62), Cvoid, (Ptr{swb_system},), system)
 
 """
     swb_expr_create(out) -> swb_status
@@ -3322,7 +3343,7 @@ Create a graph without expressions.
 @param[out] out the new object, NULL on failure; free with swb_expr_free
 @return SWB_OK; SWB_ERR_NULL
 """
-swb_expr_create(out) = ccall(address(62), swb_status, (Ptr{Ptr{swb_expr}},), out)
+swb_expr_create(out) = ccall(address(63), swb_status, (Ptr{Ptr{swb_expr}},), out)
 
 """
     swb_expr_constants(graph, values, n, out, n_out) -> swb_status
@@ -3334,7 +3355,7 @@ Constants. Values that are not finite are refused when a function is made of the
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_expr_constants(graph, values, n, out, n_out) =
-    ccall(address(63), swb_status, (Ptr{swb_expr}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), graph, values, n, out,
+    ccall(address(64), swb_status, (Ptr{swb_expr}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), graph, values, n, out,
         n_out)
 
 """
@@ -3348,7 +3369,7 @@ Inputs of one block.
 @return SWB_OK; SWB_ERR_RANGE if there is no such block; SWB_ERR_DIMENSION
 """
 swb_expr_inputs(graph, block, first, out, n) =
-    ccall(address(64), swb_status, (Ptr{swb_expr}, Int32, Int64, Ptr{Int64}, Int64), graph, block, first, out, n)
+    ccall(address(65), swb_status, (Ptr{swb_expr}, Int32, Int64, Ptr{Int64}, Int64), graph, block, first, out, n)
 
 """
     swb_expr_apply(graph, op, a, b, c, out, n) -> swb_status
@@ -3364,7 +3385,7 @@ Apply an operator element by element.
         value; SWB_ERR_NULL; SWB_ERR_DIMENSION if an operand is too many
 """
 swb_expr_apply(graph, op, a, b, c, out, n) =
-    ccall(address(65), swb_status, (Ptr{swb_expr}, Int32, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Int64),
+    ccall(address(66), swb_status, (Ptr{swb_expr}, Int32, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Int64),
         graph, op, a, b, c, out, n)
 
 """
@@ -3378,7 +3399,7 @@ Product of matrices stored by columns: a is m times k, b is k times n.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_expr_matmul(graph, m, k, n, a, n_a, b, n_b, out, n_out) =
-    ccall(address(66), swb_status, (Ptr{swb_expr}, Int64, Int64, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64,
+    ccall(address(67), swb_status, (Ptr{swb_expr}, Int64, Int64, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64), graph, m, k, n, a, n_a, b, n_b, out, n_out)
 
 """
@@ -3393,7 +3414,7 @@ all right-hand sides and derivatives.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the matrix is singular whatever its entries are
 """
 swb_expr_solve(graph, matrix, n_matrix, rhs, out, n) =
-    ccall(address(67), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Int64), graph, matrix,
+    ccall(address(68), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Int64), graph, matrix,
         n_matrix, rhs, out, n)
 
 """
@@ -3409,7 +3430,7 @@ Values of a table.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION
 """
 swb_expr_table(graph, kind, points, n_points, values, n_values, a, out, n) =
-    ccall(address(68), swb_status, (Ptr{swb_expr}, Int32, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(69), swb_status, (Ptr{swb_expr}, Int32, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Int64}, Int64), graph, kind, points, n_points, values, n_values, a, out, n)
 
 """
@@ -3422,7 +3443,7 @@ Outputs of a function at expressions. Derivatives are those of the function.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_expr_call(graph, f, args, n_args, out, n_out) =
-    ccall(address(69), swb_status, (Ptr{swb_expr}, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
+    ccall(address(70), swb_status, (Ptr{swb_expr}, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
         f, args, n_args, out, n_out)
 
 """
@@ -3436,7 +3457,7 @@ Jacobian of expressions as expressions, by columns; entries that vanish are the 
 @return SWB_OK; SWB_ERR_RANGE if wrt holds what is no input; SWB_ERR_UNSUPPORTED for operators that switch
 """
 swb_expr_jacobian(graph, outputs, n_outputs, wrt, n_wrt, out, n_out) =
-    ccall(address(70), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
+    ccall(address(71), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
         outputs, n_outputs, wrt, n_wrt, out, n_out)
 
 """
@@ -3449,7 +3470,7 @@ An expression as text, cut where it is long.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_expr_text(graph, expression, buf, len, needed) =
-    ccall(address(71), swb_status, (Ptr{swb_expr}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), graph, expression, buf,
+    ccall(address(72), swb_status, (Ptr{swb_expr}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), graph, expression, buf,
         len, needed)
 
 """
@@ -3465,7 +3486,7 @@ swb_ocp_set_lagrange says; others than the costs of optimal control problems ref
         finite; SWB_ERR_UNSUPPORTED for other operators that switch
 """
 swb_expr_function(graph, name, nx, nu, np, outputs, n_outputs, out) =
-    ccall(address(72), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Int64,
+    ccall(address(73), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_function}}), graph, name, nx, nu, np, outputs, n_outputs, out)
 
 """
@@ -3473,7 +3494,7 @@ swb_expr_function(graph, name, nx, nu, np, outputs, n_outputs, out) =
 
 Free the graph; functions and models made of it stay. NULL is allowed.
 """
-swb_expr_free(graph) = ccall(address(73), Cvoid, (Ptr{swb_expr},), graph)
+swb_expr_free(graph) = ccall(address(74), Cvoid, (Ptr{swb_expr},), graph)
 
 """
     swb_model_create(graph, name, nx, nu, np, rhs, names, trial, out) -> swb_status
@@ -3493,7 +3514,7 @@ may be 2097152 of them.
         as swb_expr_function
 """
 swb_model_create(graph, name, nx, nu, np, rhs, names, trial, out) =
-    ccall(address(74), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Cstring,
+    ccall(address(75), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Cstring,
         Ptr{swb_point}, Ptr{Ptr{swb_model}}), graph, name, nx, nu, np, rhs, names, trial, out)
 
 """
@@ -3504,7 +3525,7 @@ The system of a model.
 @param[out] out the new object, NULL on failure; free with swb_system_free
 @return SWB_OK; SWB_ERR_NULL
 """
-swb_model_system(model, out) = ccall(address(75), swb_status, (Ptr{swb_model}, Ptr{Ptr{swb_system}}), model, out)
+swb_model_system(model, out) = ccall(address(76), swb_status, (Ptr{swb_model}, Ptr{Ptr{swb_system}}), model, out)
 
 """
     swb_model_counts(model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs) -> swb_status
@@ -3519,7 +3540,7 @@ Sizes of the parts of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_counts(model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs) =
-    ccall(address(76), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}),
+    ccall(address(77), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}),
         model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs)
 
 """
@@ -3534,7 +3555,7 @@ was dropped or merged and why, and what looks wrong.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_model_report(model, json, buf, len, needed) =
-    ccall(address(77), swb_status, (Ptr{swb_model}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), model, json, buf, len,
+    ccall(address(78), swb_status, (Ptr{swb_model}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), model, json, buf, len,
         needed)
 
 """
@@ -3553,14 +3574,14 @@ they write all entries, of the patterns beside the declarations, and return 0, o
         the buffer is too short
 """
 swb_model_write_c(model, buf, len, needed) =
-    ccall(address(78), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(79), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_free(model) -> Cvoid
 
 Free; systems made of the model stay. NULL is allowed.
 """
-swb_model_free(model) = ccall(address(79), Cvoid, (Ptr{swb_model},), model)
+swb_model_free(model) = ccall(address(80), Cvoid, (Ptr{swb_model},), model)
 
 """
     swb_system_add_choice(system, control, values, n, dwell, index) -> swb_status
@@ -3577,7 +3598,7 @@ best choice of every control stage; simulations take any value.
         and for a dwell time that is negative or not finite
 """
 swb_system_add_choice(system, control, values, n, dwell, index) =
-    ccall(address(80), swb_status, (Ptr{swb_system}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), system,
+    ccall(address(81), swb_status, (Ptr{swb_system}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), system,
         control, values, n, dwell, index)
 
 """
@@ -3592,7 +3613,7 @@ Say that a control of a model, and thereby of all systems made of it later, choo
 @return as swb_system_add_choice
 """
 swb_model_add_choice(model, control, values, n, dwell, index) =
-    ccall(address(81), swb_status, (Ptr{swb_model}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), model,
+    ccall(address(82), swb_status, (Ptr{swb_model}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), model,
         control, values, n, dwell, index)
 
 """
@@ -3605,7 +3626,7 @@ Numbers of a trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_trajectory_get_info(trajectory, info, struct_size) =
-    ccall(address(82), swb_status, (Ptr{swb_trajectory}, Ptr{swb_trajectory_info}, UInt64), trajectory, info,
+    ccall(address(83), swb_status, (Ptr{swb_trajectory}, Ptr{swb_trajectory_info}, UInt64), trajectory, info,
         struct_size)
 
 """
@@ -3617,7 +3638,7 @@ Times of the element boundaries.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_times(trajectory, t, n) =
-    ccall(address(83), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
+    ccall(address(84), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
 
 """
     swb_trajectory_states(trajectory, x, n) -> swb_status
@@ -3629,7 +3650,7 @@ States at the element boundaries.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_states(trajectory, x, n) =
-    ccall(address(84), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
+    ccall(address(85), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
 
 """
     swb_trajectory_steps(trajectory, h, n) -> swb_status
@@ -3640,7 +3661,7 @@ Lengths of the elements.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_steps(trajectory, h, n) =
-    ccall(address(85), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, h, n)
+    ccall(address(86), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, h, n)
 
 """
     swb_trajectory_control_stages(trajectory, stage, n) -> swb_status
@@ -3651,7 +3672,7 @@ Control stages the elements belong to; 0 in simulations.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_control_stages(trajectory, stage, n) =
-    ccall(address(86), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, stage, n)
+    ccall(address(87), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, stage, n)
 
 """
     swb_trajectory_modes(trajectory, n_modes, n) -> swb_status
@@ -3662,7 +3683,7 @@ Numbers of modes of the subsystems that can switch.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_modes(trajectory, n_modes, n) =
-    ccall(address(87), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, n_modes, n)
+    ccall(address(88), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, n_modes, n)
 
 """
     swb_trajectory_active(trajectory, active, n) -> swb_status
@@ -3673,7 +3694,7 @@ Active modes in the elements: one alone, or several in a sliding mode.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_active(trajectory, active, n) =
-    ccall(address(88), swb_status, (Ptr{swb_trajectory}, Ptr{Int32}, Int64), trajectory, active, n)
+    ccall(address(89), swb_status, (Ptr{swb_trajectory}, Ptr{Int32}, Int64), trajectory, active, n)
 
 """
     swb_trajectory_stage_times(trajectory, t, n) -> swb_status
@@ -3684,7 +3705,7 @@ Times of the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_times(trajectory, t, n) =
-    ccall(address(89), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
+    ccall(address(90), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
 
 """
     swb_trajectory_stage_states(trajectory, x, n) -> swb_status
@@ -3695,7 +3716,7 @@ States at the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_states(trajectory, x, n) =
-    ccall(address(90), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
+    ccall(address(91), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
 
 """
     swb_trajectory_stage_theta(trajectory, theta, n) -> swb_status
@@ -3706,7 +3727,7 @@ Convex multipliers of the modes at the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_theta(trajectory, theta, n) =
-    ccall(address(91), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, theta, n)
+    ccall(address(92), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, theta, n)
 
 """
     swb_trajectory_switches(trajectory, switches, n, struct_size) -> swb_status
@@ -3718,7 +3739,7 @@ Switches in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_switches(trajectory, switches, n, struct_size) =
-    ccall(address(92), swb_status, (Ptr{swb_trajectory}, Ptr{swb_switch}, Int64, UInt64), trajectory, switches, n,
+    ccall(address(93), swb_status, (Ptr{swb_trajectory}, Ptr{swb_switch}, Int64, UInt64), trajectory, switches, n,
         struct_size)
 
 """
@@ -3731,7 +3752,7 @@ States at any times, by the polynomials of the elements.
 @return SWB_OK; SWB_ERR_RANGE if a time is outside; SWB_ERR_STATE if the trajectory is empty
 """
 swb_trajectory_state_at(trajectory, t, n_t, x, n_x) =
-    ccall(address(93), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), trajectory, t,
+    ccall(address(94), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), trajectory, t,
         n_t, x, n_x)
 
 """
@@ -3739,7 +3760,7 @@ swb_trajectory_state_at(trajectory, t, n_t, x, n_x) =
 
 Free; NULL is allowed.
 """
-swb_trajectory_free(trajectory) = ccall(address(94), Cvoid, (Ptr{swb_trajectory},), trajectory)
+swb_trajectory_free(trajectory) = ccall(address(95), Cvoid, (Ptr{swb_trajectory},), trajectory)
 
 """
     swb_simulator_create(system, settings, out) -> swb_status
@@ -3753,7 +3774,7 @@ Create a simulator. Time, state, controls and parameters are zero until they are
         range; SWB_ERR_UNSUPPORTED if options do not go together
 """
 swb_simulator_create(system, settings, out) =
-    ccall(address(95), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_simulator}}), system, settings,
+    ccall(address(96), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_simulator}}), system, settings,
         out)
 
 """
@@ -3765,7 +3786,7 @@ Set time and state, and begin a new trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_simulator_set_state(sim, t, x, nx) =
-    ccall(address(96), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Cdouble}, Int64), sim, t, x, nx)
+    ccall(address(97), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Cdouble}, Int64), sim, t, x, nx)
 
 """
     swb_simulator_set_controls(sim, u, nu) -> swb_status
@@ -3776,7 +3797,7 @@ Set the controls, constant from now on.
 @return as swb_simulator_set_state
 """
 swb_simulator_set_controls(sim, u, nu) =
-    ccall(address(97), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, u, nu)
+    ccall(address(98), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, u, nu)
 
 """
     swb_simulator_set_params(sim, p, np) -> swb_status
@@ -3787,7 +3808,7 @@ Set the parameters.
 @return as swb_simulator_set_state
 """
 swb_simulator_set_params(sim, p, np) =
-    ccall(address(98), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, p, np)
+    ccall(address(99), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, p, np)
 
 """
     swb_simulator_run(sim, duration, n_steps, outcome) -> swb_status
@@ -3801,7 +3822,7 @@ the last step that was done.
         SWB_ERR_NONFINITE if one has no value where it is needed
 """
 swb_simulator_run(sim, duration, n_steps, outcome) =
-    ccall(address(99), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{Int32}), sim, duration, n_steps,
+    ccall(address(100), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{Int32}), sim, duration, n_steps,
         outcome)
 
 """
@@ -3813,7 +3834,7 @@ Simulate one step of n_fe finite elements over the duration h; the trajectory gr
 @return as swb_simulator_run
 """
 swb_simulator_step(sim, h, outcome) =
-    ccall(address(100), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Int32}), sim, h, outcome)
+    ccall(address(101), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Int32}), sim, h, outcome)
 
 """
     swb_simulator_clear(sim) -> swb_status
@@ -3822,7 +3843,7 @@ Forget trajectory and statistics; time and state stay.
 
 @return SWB_OK
 """
-swb_simulator_clear(sim) = ccall(address(101), swb_status, (Ptr{swb_simulator},), sim)
+swb_simulator_clear(sim) = ccall(address(102), swb_status, (Ptr{swb_simulator},), sim)
 
 """
     swb_simulator_sizes(sim, nx, nu, np) -> swb_status
@@ -3835,7 +3856,7 @@ Sizes of a simulator.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_simulator_sizes(sim, nx, nu, np) =
-    ccall(address(102), swb_status, (Ptr{swb_simulator}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), sim, nx, nu, np)
+    ccall(address(103), swb_status, (Ptr{swb_simulator}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), sim, nx, nu, np)
 
 """
     swb_simulator_get_time(sim, t) -> swb_status
@@ -3844,7 +3865,7 @@ Time reached.
 
 @return SWB_OK
 """
-swb_simulator_get_time(sim, t) = ccall(address(103), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}), sim, t)
+swb_simulator_get_time(sim, t) = ccall(address(104), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}), sim, t)
 
 """
     swb_simulator_get_state(sim, x, nx) -> swb_status
@@ -3855,7 +3876,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_state(sim, x, nx) =
-    ccall(address(104), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, x, nx)
+    ccall(address(105), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, x, nx)
 
 """
     swb_simulator_get_outcome(sim, outcome) -> swb_status
@@ -3866,7 +3887,7 @@ How the last step ended.
 @return SWB_OK
 """
 swb_simulator_get_outcome(sim, outcome) =
-    ccall(address(105), swb_status, (Ptr{swb_simulator}, Ptr{Int32}), sim, outcome)
+    ccall(address(106), swb_status, (Ptr{swb_simulator}, Ptr{Int32}), sim, outcome)
 
 """
     swb_simulator_get_residuals(sim, residuals, struct_size) -> swb_status
@@ -3878,7 +3899,7 @@ Largest residuals over the steps of the trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_residuals(sim, residuals, struct_size) =
-    ccall(address(106), swb_status, (Ptr{swb_simulator}, Ptr{swb_residuals}, UInt64), sim, residuals, struct_size)
+    ccall(address(107), swb_status, (Ptr{swb_simulator}, Ptr{swb_residuals}, UInt64), sim, residuals, struct_size)
 
 """
     swb_simulator_get_stats(sim, stats, struct_size) -> swb_status
@@ -3890,7 +3911,7 @@ Work and time of the steps of the trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_stats(sim, stats, struct_size) =
-    ccall(address(107), swb_status, (Ptr{swb_simulator}, Ptr{swb_stats}, UInt64), sim, stats, struct_size)
+    ccall(address(108), swb_status, (Ptr{swb_simulator}, Ptr{swb_stats}, UInt64), sim, stats, struct_size)
 
 """
     swb_simulator_get_trajectory(sim, out) -> swb_status
@@ -3901,7 +3922,7 @@ A copy of the trajectory since the state was set; empty before the first step.
 @return SWB_OK
 """
 swb_simulator_get_trajectory(sim, out) =
-    ccall(address(108), swb_status, (Ptr{swb_simulator}, Ptr{Ptr{swb_trajectory}}), sim, out)
+    ccall(address(109), swb_status, (Ptr{swb_simulator}, Ptr{Ptr{swb_trajectory}}), sim, out)
 
 """
     swb_simulator_set_int(sim, name, value) -> swb_status
@@ -3911,7 +3932,7 @@ Set an integer or enumeration option of a simulator (or a float one, to an integ
 @return as swb_settings_set_int
 """
 swb_simulator_set_int(sim, name, value) =
-    ccall(address(109), swb_status, (Ptr{swb_simulator}, Cstring, Int64), sim, name, value)
+    ccall(address(110), swb_status, (Ptr{swb_simulator}, Cstring, Int64), sim, name, value)
 
 """
     swb_simulator_set_double(sim, name, value) -> swb_status
@@ -3921,7 +3942,7 @@ Set a float option of a simulator by name.
 @return as swb_settings_set_double
 """
 swb_simulator_set_double(sim, name, value) =
-    ccall(address(110), swb_status, (Ptr{swb_simulator}, Cstring, Cdouble), sim, name, value)
+    ccall(address(111), swb_status, (Ptr{swb_simulator}, Cstring, Cdouble), sim, name, value)
 
 """
     swb_simulator_set_string(sim, name, value) -> swb_status
@@ -3931,7 +3952,7 @@ Set any option of a simulator by name from text: a number, or the value name of 
 @return as swb_settings_set_string
 """
 swb_simulator_set_string(sim, name, value) =
-    ccall(address(111), swb_status, (Ptr{swb_simulator}, Cstring, Cstring), sim, name, value)
+    ccall(address(112), swb_status, (Ptr{swb_simulator}, Cstring, Cstring), sim, name, value)
 
 """
     swb_simulator_set_settings(sim, settings) -> swb_status
@@ -3942,7 +3963,7 @@ Set all options of a simulator.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_simulator_set_settings(sim, settings) =
-    ccall(address(112), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}), sim, settings)
+    ccall(address(113), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}), sim, settings)
 
 """
     swb_simulator_get_settings(sim, settings, struct_size) -> swb_status
@@ -3954,7 +3975,7 @@ Options of a simulator, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_settings(sim, settings, struct_size) =
-    ccall(address(113), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}, UInt64), sim, settings, struct_size)
+    ccall(address(114), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}, UInt64), sim, settings, struct_size)
 
 """
     swb_simulator_set_iteration(sim, iteration, user_data) -> swb_status
@@ -3965,7 +3986,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_simulator_set_iteration(sim, iteration, user_data) =
-    ccall(address(114), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, iteration, user_data)
+    ccall(address(115), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, iteration, user_data)
 
 """
     swb_simulator_set_log(sim, log, user_data) -> swb_status
@@ -3976,7 +3997,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_simulator_set_log(sim, log, user_data) =
-    ccall(address(115), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, log, user_data)
+    ccall(address(116), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, log, user_data)
 
 """
     swb_simulator_interrupt(sim) -> swb_status
@@ -3988,21 +4009,21 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_simulator_interrupt(sim) = ccall(address(116), swb_status, (Ptr{swb_simulator},), sim)
+swb_simulator_interrupt(sim) = ccall(address(117), swb_status, (Ptr{swb_simulator},), sim)
 
 """
     swb_simulator_free(sim) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_simulator_free(sim) = ccall(address(117), Cvoid, (Ptr{swb_simulator},), sim)
+swb_simulator_free(sim) = ccall(address(118), Cvoid, (Ptr{swb_simulator},), sim)
 
 """
     swb_run_outcome_name(outcome) -> Cstring
 
 Name of an outcome of an event-driven simulation, such as \"reached\"; NULL for any other number. Static.
 """
-swb_run_outcome_name(outcome) = ccall(address(118), Cstring, (Int32,), outcome)
+swb_run_outcome_name(outcome) = ccall(address(119), Cstring, (Int32,), outcome)
 
 """
     swb_run_get_info(run, info, struct_size) -> swb_status
@@ -4014,7 +4035,7 @@ Numbers of a run.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_get_info(run, info, struct_size) =
-    ccall(address(119), swb_status, (Ptr{swb_run}, Ptr{swb_run_info}, UInt64), run, info, struct_size)
+    ccall(address(120), swb_status, (Ptr{swb_run}, Ptr{swb_run_info}, UInt64), run, info, struct_size)
 
 """
     swb_run_reason(run, buf, len, needed) -> swb_status
@@ -4026,7 +4047,7 @@ Why a run ended early, in words; if it reached its time, what is not known to th
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_run_reason(run, buf, len, needed) =
-    ccall(address(120), swb_status, (Ptr{swb_run}, Ptr{UInt8}, Int64, Ptr{Int64}), run, buf, len, needed)
+    ccall(address(121), swb_status, (Ptr{swb_run}, Ptr{UInt8}, Int64, Ptr{Int64}), run, buf, len, needed)
 
 """
     swb_run_get_stats(run, stats, struct_size) -> swb_status
@@ -4038,7 +4059,7 @@ Work of a run.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_get_stats(run, stats, struct_size) =
-    ccall(address(121), swb_status, (Ptr{swb_run}, Ptr{swb_run_stats}, UInt64), run, stats, struct_size)
+    ccall(address(122), swb_status, (Ptr{swb_run}, Ptr{swb_run_stats}, UInt64), run, stats, struct_size)
 
 """
     swb_run_state(run, x, nx) -> swb_status
@@ -4048,7 +4069,7 @@ State reached.
 @param[out] x [nx]
 @return SWB_OK; SWB_ERR_DIMENSION
 """
-swb_run_state(run, x, nx) = ccall(address(122), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, x, nx)
+swb_run_state(run, x, nx) = ccall(address(123), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, x, nx)
 
 """
     swb_run_events(run, events, n, struct_size) -> swb_status
@@ -4060,7 +4081,7 @@ Switches in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_events(run, events, n, struct_size) =
-    ccall(address(123), swb_status, (Ptr{swb_run}, Ptr{swb_event}, Int64, UInt64), run, events, n, struct_size)
+    ccall(address(124), swb_status, (Ptr{swb_run}, Ptr{swb_event}, Int64, UInt64), run, events, n, struct_size)
 
 """
     swb_run_branch_points(run, points, n, struct_size) -> swb_status
@@ -4072,7 +4093,7 @@ Points with several continuations, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_branch_points(run, points, n, struct_size) =
-    ccall(address(124), swb_status, (Ptr{swb_run}, Ptr{swb_branch_point}, Int64, UInt64), run, points, n,
+    ccall(address(125), swb_status, (Ptr{swb_run}, Ptr{swb_branch_point}, Int64, UInt64), run, points, n,
         struct_size)
 
 """
@@ -4085,7 +4106,7 @@ Surfaces only touched, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_contacts(run, contacts, n, struct_size) =
-    ccall(address(125), swb_status, (Ptr{swb_run}, Ptr{swb_contact}, Int64, UInt64), run, contacts, n, struct_size)
+    ccall(address(126), swb_status, (Ptr{swb_run}, Ptr{swb_contact}, Int64, UInt64), run, contacts, n, struct_size)
 
 """
     swb_run_accumulations(run, points, n, struct_size) -> swb_status
@@ -4097,7 +4118,7 @@ Accumulating switches, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_accumulations(run, points, n, struct_size) =
-    ccall(address(126), swb_status, (Ptr{swb_run}, Ptr{swb_accumulation}, Int64, UInt64), run, points, n,
+    ccall(address(127), swb_status, (Ptr{swb_run}, Ptr{swb_accumulation}, Int64, UInt64), run, points, n,
         struct_size)
 
 """
@@ -4108,7 +4129,7 @@ Numbers of modes of the subsystems that can switch.
 @param[out] n_modes [n] n_subsystems
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
-swb_run_modes(run, n_modes, n) = ccall(address(127), swb_status, (Ptr{swb_run}, Ptr{Int64}, Int64), run, n_modes, n)
+swb_run_modes(run, n_modes, n) = ccall(address(128), swb_status, (Ptr{swb_run}, Ptr{Int64}, Int64), run, n_modes, n)
 
 """
     swb_run_event_modes(run, index, before, after, n) -> swb_status
@@ -4121,7 +4142,7 @@ Active modes of its subsystem before and after a switch.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_event_modes(run, index, before, after, n) =
-    ccall(address(128), swb_status, (Ptr{swb_run}, Int64, Ptr{Int32}, Ptr{Int32}, Int64), run, index, before, after,
+    ccall(address(129), swb_status, (Ptr{swb_run}, Int64, Ptr{Int32}, Ptr{Int32}, Int64), run, index, before, after,
         n)
 
 """
@@ -4136,7 +4157,7 @@ controls no columns remain.
 @param[out] s [n] nx * n_columns, by columns: those of the initial states, then of the parameters, then of the controls
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE without the option sensitivity
 """
-swb_run_sensitivity(run, s, n) = ccall(address(129), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, s, n)
+swb_run_sensitivity(run, s, n) = ccall(address(130), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, s, n)
 
 """
     swb_run_event_sensitivity(run, index, dt, n) -> swb_status
@@ -4149,7 +4170,7 @@ none.
 @return as swb_run_sensitivity
 """
 swb_run_event_sensitivity(run, index, dt, n) =
-    ccall(address(130), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(131), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_times(run, t, n) -> swb_status
@@ -4159,7 +4180,7 @@ Times between which the dense output has a polynomial each: starts and ends of t
 @param[out] t [n] n_pieces + 1; none if there are no pieces
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
-swb_run_times(run, t, n) = ccall(address(131), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, t, n)
+swb_run_times(run, t, n) = ccall(address(132), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, t, n)
 
 """
     swb_run_evaluate(run, t, n_t, k, x, n_x) -> swb_status
@@ -4172,7 +4193,7 @@ States at any times of the run, or their derivatives with respect to time. At a 
 @return SWB_OK; SWB_ERR_RANGE if a time is outside or k is negative; SWB_ERR_STATE without the option dense
 """
 swb_run_evaluate(run, t, n_t, k, x, n_x) =
-    ccall(address(132), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Int64, Ptr{Cdouble}, Int64), run, t, n_t, k,
+    ccall(address(133), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Int64, Ptr{Cdouble}, Int64), run, t, n_t, k,
         x, n_x)
 
 """
@@ -4180,7 +4201,7 @@ swb_run_evaluate(run, t, n_t, k, x, n_x) =
 
 Free; NULL is allowed.
 """
-swb_run_free(run) = ccall(address(133), Cvoid, (Ptr{swb_run},), run)
+swb_run_free(run) = ccall(address(134), Cvoid, (Ptr{swb_run},), run)
 
 """
     swb_system_add_transition(system, guard, direction, from_states, n_from_states, from_values, n_from_values, reset, to_states, n_to_states, to_values, n_to_values, index) -> swb_status
@@ -4207,7 +4228,7 @@ own guard beyond zero is watched again when the guard has been back.
 """
 swb_system_add_transition(system, guard, direction, from_states, n_from_states, from_values, n_from_values, reset,
     to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(134), swb_status, (Ptr{swb_system}, Ptr{swb_function}, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(135), swb_status, (Ptr{swb_system}, Ptr{swb_function}, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), system, guard, direction,
         from_states, n_from_states, from_values, n_from_values, reset, to_states, n_to_states, to_values,
         n_to_values, index)
@@ -4236,7 +4257,7 @@ of its end.
 """
 swb_system_add_event(system, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
     n_from_values, reset, to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(135), swb_status, (Ptr{swb_system}, Cstring, Int32, Int32, Ptr{swb_function}, Int32, Ptr{Int64},
+    ccall(address(136), swb_status, (Ptr{swb_system}, Cstring, Int32, Int32, Ptr{swb_function}, Int32, Ptr{Int64},
         Int64, Ptr{Cdouble}, Int64, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), system,
         name, effect, trigger, guard, direction, from_states, n_from_states, from_values, n_from_values, reset,
         to_states, n_to_states, to_values, n_to_values, index)
@@ -4252,7 +4273,7 @@ begins anew where the right-hand side jumps. Tables in models say these times th
 @return SWB_OK; SWB_ERR_DIMENSION if the lengths differ; SWB_ERR_RANGE for times that are not finite
 """
 swb_system_add_known_times(system, t, n_t, jumps, n_jumps) =
-    ccall(address(136), swb_status, (Ptr{swb_system}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64), system, t, n_t,
+    ccall(address(137), swb_status, (Ptr{swb_system}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64), system, t, n_t,
         jumps, n_jumps)
 
 """
@@ -4265,7 +4286,7 @@ What was noted in the order of time; the number is n_notes of swb_run_info.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_notes(run, notes, n, struct_size) =
-    ccall(address(137), swb_status, (Ptr{swb_run}, Ptr{swb_note}, Int64, UInt64), run, notes, n, struct_size)
+    ccall(address(138), swb_status, (Ptr{swb_run}, Ptr{swb_note}, Int64, UInt64), run, notes, n, struct_size)
 
 """
     swb_run_note_state(run, index, x, n) -> swb_status
@@ -4277,7 +4298,7 @@ The state at a note.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_note_state(run, index, x, n) =
-    ccall(address(138), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, x, n)
+    ccall(address(139), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, x, n)
 
 """
     swb_run_note_sensitivity(run, index, dt, n) -> swb_status
@@ -4289,7 +4310,7 @@ Derivatives of the time of a note with respect to initial states, parameters and
 @return as swb_run_sensitivity
 """
 swb_run_note_sensitivity(run, index, dt, n) =
-    ccall(address(139), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(140), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_jumps(run, jumps, n, struct_size) -> swb_status
@@ -4301,7 +4322,7 @@ The transitions of a run in the order they were made; their number is n_jumps of
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_jumps(run, jumps, n, struct_size) =
-    ccall(address(140), swb_status, (Ptr{swb_run}, Ptr{swb_jump}, Int64, UInt64), run, jumps, n, struct_size)
+    ccall(address(141), swb_status, (Ptr{swb_run}, Ptr{swb_jump}, Int64, UInt64), run, jumps, n, struct_size)
 
 """
     swb_run_jump_states(run, index, before, after, n) -> swb_status
@@ -4315,7 +4336,7 @@ transition does not name are NaN: dense output knows them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_jump_states(run, index, before, after, n) =
-    ccall(address(141), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), run, index, before,
+    ccall(address(142), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), run, index, before,
         after, n)
 
 """
@@ -4328,7 +4349,7 @@ Derivatives of the time of a transition with respect to initial states, paramete
 @return as swb_run_sensitivity
 """
 swb_run_jump_sensitivity(run, index, dt, n) =
-    ccall(address(142), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(143), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_scene_create(name, n_q, n_v, nu, np, names, out) -> swb_status
@@ -4346,7 +4367,7 @@ velocities the rates of the coordinates are the velocities.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_scene_create(name, n_q, n_v, nu, np, names, out) =
-    ccall(address(143), swb_status, (Cstring, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, n_q,
+    ccall(address(144), swb_status, (Cstring, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, n_q,
         n_v, nu, np, names, out)
 
 """
@@ -4366,7 +4387,7 @@ temperatures. Forces and the bounds of friction at joints may depend on them. Th
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_scene_create_with_states(name, n_q, n_v, n_z, nu, np, names, out) =
-    ccall(address(144), swb_status, (Cstring, Int64, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}),
+    ccall(address(145), swb_status, (Cstring, Int64, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}),
         name, n_q, n_v, n_z, nu, np, names, out)
 
 """
@@ -4387,7 +4408,7 @@ constraint c_i, without tangents, friction and restitution; multipliers are the 
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_scene_create_projected(name, nx, nu, np, names, out) =
-    ccall(address(145), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
+    ccall(address(146), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
         names, out)
 
 """
@@ -4400,7 +4421,7 @@ Set the rates of the coordinates, linear in the velocities: q' = N(q) v.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE for numbers that are no expressions
 """
 swb_scene_set_rates(scene, graph, rates, n) =
-    ccall(address(146), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
+    ccall(address(147), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
 
 """
     swb_scene_set_inertia(scene, graph, entries, n) -> swb_status
@@ -4412,7 +4433,7 @@ Set the inertia matrix M: symmetric and positive definite; it may depend on coor
 @return as swb_scene_set_rates
 """
 swb_scene_set_inertia(scene, graph, entries, n) =
-    ccall(address(147), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
+    ccall(address(148), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
 
 """
     swb_scene_set_force(scene, graph, force, n) -> swb_status
@@ -4424,7 +4445,7 @@ Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact force
 @return as swb_scene_set_rates
 """
 swb_scene_set_force(scene, graph, force, n) =
-    ccall(address(148), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
+    ccall(address(149), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
 
 """
     swb_scene_set_state_rates(scene, graph, rates, n) -> swb_status
@@ -4436,7 +4457,7 @@ Set the rates of the states beside coordinates and velocities, expressions of st
 @return as swb_scene_set_rates
 """
 swb_scene_set_state_rates(scene, graph, rates, n) =
-    ccall(address(149), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
+    ccall(address(150), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
 
 """
     swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) -> swb_status
@@ -4456,7 +4477,7 @@ Add a contact.
         that is there already
 """
 swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) =
-    ccall(address(150), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
+    ccall(address(151), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
         Ptr{Int64}), scene, graph, name, gap, tangents, n_tangents, friction, restitution, index)
 
 """
@@ -4471,7 +4492,7 @@ coefficient of sliding only.
 @return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions or no contact with tangents
 """
 swb_scene_set_stiction(scene, graph, contact, stiction) =
-    ccall(address(151), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Int64), scene, graph, contact, stiction)
+    ccall(address(152), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Int64), scene, graph, contact, stiction)
 
 """
     swb_scene_add_friction(scene, graph, name, sliding, bound, stiction, index) -> swb_status
@@ -4490,7 +4511,7 @@ contacts, and in results its force stands at the first tangent, behind a zero in
         SWB_ERR_UNSUPPORTED for projected systems
 """
 swb_scene_add_friction(scene, graph, name, sliding, bound, stiction, index) =
-    ccall(address(152), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}),
+    ccall(address(153), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}),
         scene, graph, name, sliding, bound, stiction, index)
 
 """
@@ -4506,7 +4527,7 @@ It is counted among the contacts.
 @return as swb_scene_add_friction
 """
 swb_scene_add_constraint(scene, graph, name, zero, index) =
-    ccall(address(153), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}), scene, graph, name,
+    ccall(address(154), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}), scene, graph, name,
         zero, index)
 
 """
@@ -4521,7 +4542,7 @@ proof in the report. A simulation that leaves the bounds ends with an error if s
 @return SWB_OK; SWB_ERR_RANGE if there is no such coordinate, or a bound is NaN, or no number is between the bounds
 """
 swb_scene_set_bounds(scene, coordinate, low, high) =
-    ccall(address(154), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
+    ccall(address(155), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
 
 """
     swb_scene_set_impact_law(scene, law) -> swb_status
@@ -4531,7 +4552,7 @@ Set what happens where several contacts close at once.
 @param[in] law enum swb_impact_law
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_scene_set_impact_law(scene, law) = ccall(address(155), swb_status, (Ptr{swb_scene}, Int32), scene, law)
+swb_scene_set_impact_law(scene, law) = ccall(address(156), swb_status, (Ptr{swb_scene}, Int32), scene, law)
 
 """
     swb_scene_build(scene, graph) -> swb_status
@@ -4542,7 +4563,7 @@ Build the scene: derivatives, normals, and which contacts cannot close. Any chan
 @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
         with a message that names them
 """
-swb_scene_build(scene, graph) = ccall(address(156), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
+swb_scene_build(scene, graph) = ccall(address(157), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
 
 """
     swb_scene_system(scene, out) -> swb_status
@@ -4552,7 +4573,7 @@ The system of a scene that is built; its states are the coordinates, then the ve
 @param[out] out the new object, NULL on failure; free with swb_system_free
 @return SWB_OK; SWB_ERR_STATE if the scene is not built
 """
-swb_scene_system(scene, out) = ccall(address(157), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
+swb_scene_system(scene, out) = ccall(address(158), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
 
 """
     swb_scene_report(scene, json, buf, len, needed) -> swb_status
@@ -4565,7 +4586,7 @@ Report of a scene that is built: contacts with what they cost, and which were le
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE if the scene is not built
 """
 swb_scene_report(scene, json, buf, len, needed) =
-    ccall(address(158), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
+    ccall(address(159), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
         needed)
 
 """
@@ -4573,7 +4594,7 @@ swb_scene_report(scene, json, buf, len, needed) =
 
 Free; systems made of the scene stay. NULL is allowed.
 """
-swb_scene_free(scene) = ccall(address(159), Cvoid, (Ptr{swb_scene},), scene)
+swb_scene_free(scene) = ccall(address(160), Cvoid, (Ptr{swb_scene},), scene)
 
 """
     swb_run_impacts(run, impacts, n, struct_size) -> swb_status
@@ -4585,7 +4606,7 @@ The impacts of a run in the order they happened; their number is n_impacts of sw
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_impacts(run, impacts, n, struct_size) =
-    ccall(address(160), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
+    ccall(address(161), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
 
 """
     swb_run_impact_sensitivity(run, index, dt, n) -> swb_status
@@ -4597,7 +4618,7 @@ Derivatives of the time of an impact with respect to initial states, parameters 
 @return as swb_run_sensitivity
 """
 swb_run_impact_sensitivity(run, index, dt, n) =
-    ccall(address(161), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(162), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_contact_modes(run, t, n_t, modes, n) -> swb_status
@@ -4609,7 +4630,7 @@ Modes of the contacts of a scene at times.
 @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene; SWB_ERR_DIMENSION
 """
 swb_run_contact_modes(run, t, n_t, modes, n) =
-    ccall(address(162), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
+    ccall(address(163), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
 
 """
     swb_run_contact_forces(run, t, n_t, forces, n) -> swb_status
@@ -4624,7 +4645,7 @@ Forces of the contacts of a scene at times: forces, not impulses. Other times th
         outside; SWB_ERR_DIMENSION
 """
 swb_run_contact_forces(run, t, n_t, forces, n) =
-    ccall(address(163), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
+    ccall(address(164), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
         n)
 
 """
@@ -4639,7 +4660,7 @@ swb_scene_set_state_rates. Simulations start where they are told to.
 @return SWB_OK; SWB_ERR_RANGE for a value that is not finite; SWB_ERR_UNSUPPORTED for projected systems
 """
 swb_scene_add_discrete(scene, name, initial, state) =
-    ccall(address(164), swb_status, (Ptr{swb_scene}, Cstring, Cdouble, Ptr{Int64}), scene, name, initial, state)
+    ccall(address(165), swb_status, (Ptr{swb_scene}, Cstring, Cdouble, Ptr{Int64}), scene, name, initial, state)
 
 """
     swb_scene_add_event(scene, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) -> swb_status
@@ -4668,7 +4689,7 @@ that it leaves, end the run.
 swb_scene_add_event(scene, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
     n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values,
     index) =
-    ccall(address(165), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
+    ccall(address(166), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
         Int64, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Int64}), scene, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
         n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values,
@@ -4686,7 +4707,7 @@ values (swb_model_set_value_names) are given behind this.
         if such a state has a derivative
 """
 swb_model_set_discrete(model, initial, n) =
-    ccall(address(166), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(167), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_set_value_names(model, discrete, names) -> swb_status
@@ -4698,7 +4719,7 @@ Name the values 0, 1, ... of a discrete state: the states of an automaton. Repor
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state; SWB_ERR_RANGE for names that are empty or repeat
 """
 swb_model_set_value_names(model, discrete, names) =
-    ccall(address(167), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
+    ccall(address(168), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
 
 """
     swb_model_get_value_names(model, discrete, buf, len, needed) -> swb_status
@@ -4711,7 +4732,7 @@ Names of the values of a discrete state, as swb_model_set_value_names takes them
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state, or the buffer is too short
 """
 swb_model_get_value_names(model, discrete, buf, len, needed) =
-    ccall(address(168), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
+    ccall(address(169), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
         len, needed)
 
 """
@@ -4733,7 +4754,7 @@ Add a transition to a model, and thereby to all systems made of it later; see sw
 """
 swb_model_add_transition(model, graph, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(169), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(170), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model,
         graph, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states,
         n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
@@ -4761,7 +4782,7 @@ Add a transition with a name, an effect and a trigger to a model; the rest is th
 swb_model_add_event(model, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
     n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values,
     index) =
-    ccall(address(170), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
+    ccall(address(171), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
         Int64, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Int64}), model, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
         n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values,
@@ -4786,7 +4807,7 @@ are. A run that begins later begins with the number of times before it as the co
 """
 swb_model_add_clock(model, graph, period, offset, count, reset_states, n_reset_states, resets, n_resets, to_states,
     n_to_states, to_values, n_to_values, index) =
-    ccall(address(171), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
+    ccall(address(172), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model, graph, period, offset, count,
         reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
 
@@ -4807,7 +4828,7 @@ Add a clock with a list of times to a model: a transition for each.
 """
 swb_model_add_times(model, graph, times, n_times, count, reset_states, n_reset_states, resets, n_resets, to_states,
     n_to_states, to_values, n_to_values, index) =
-    ccall(address(172), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
+    ccall(address(173), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model, graph, times, n_times, count,
         reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
 
@@ -4826,7 +4847,7 @@ Add pulse-width modulation to a model: a discrete state is 1 from the times offs
 @return as swb_model_add_clock; SWB_ERR_RANGE for a number that is not between 0 and 1 as the part
 """
 swb_model_add_pwm(model, graph, duty, period, offset, pulse, count, index) =
-    ccall(address(173), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
+    ccall(address(174), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
         Ptr{Int64}), model, graph, duty, period, offset, pulse, count, index)
 
 """
@@ -4842,7 +4863,7 @@ Effect, trigger and name of a transition of a model.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition, or the buffer is too short
 """
 swb_model_get_rule(model, index, effect, trigger, buf, len, needed) =
-    ccall(address(174), swb_status, (Ptr{swb_model}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{UInt8}, Int64, Ptr{Int64}),
+    ccall(address(175), swb_status, (Ptr{swb_model}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{UInt8}, Int64, Ptr{Int64}),
         model, index, effect, trigger, buf, len, needed)
 
 """
@@ -4853,7 +4874,7 @@ Numbers of discrete states and of transitions of a model. Any output may be NULL
 @return SWB_OK
 """
 swb_model_transition_counts(model, n_discrete, n_transitions) =
-    ccall(address(175), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
+    ccall(address(176), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
 
 """
     swb_model_get_discrete(model, initial, n) -> swb_status
@@ -4864,7 +4885,7 @@ Values with which the discrete states, the last ones, begin.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_model_get_discrete(model, initial, n) =
-    ccall(address(176), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(177), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_transition_sizes(model, index, n_from, n_reset, n_to) -> swb_status
@@ -4878,7 +4899,7 @@ How long the lists of a transition of a model are. Any output may be NULL.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition
 """
 swb_model_transition_sizes(model, index, n_from, n_reset, n_to) =
-    ccall(address(177), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
+    ccall(address(178), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
         n_from, n_reset, n_to)
 
 """
@@ -4900,7 +4921,7 @@ those of the graph it was made of or read into.
 """
 swb_model_get_transition(model, index, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values) =
-    ccall(address(178), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(179), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64), model, index, guard,
         direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets,
         n_resets, to_states, n_to_states, to_values, n_to_values)
@@ -4916,7 +4937,7 @@ Create an integrator. Time, state, controls and parameters are zero until they a
 @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_create(system, settings, out) =
-    ccall(address(179), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
+    ccall(address(180), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
         settings, out)
 
 """
@@ -4929,7 +4950,7 @@ taken over. Controls, parameters and stop times stay.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite, or tolerances are too small
 """
 swb_integrator_reinit(integrator, t, x, nx) =
-    ccall(address(180), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
+    ccall(address(181), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
 
 """
     swb_integrator_set_controls(integrator, u, nu) -> swb_status
@@ -4940,7 +4961,7 @@ Set the controls, constant from now on. The active modes are found anew.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_integrator_set_controls(integrator, u, nu) =
-    ccall(address(181), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
+    ccall(address(182), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
 
 """
     swb_integrator_set_params(integrator, p, np) -> swb_status
@@ -4951,7 +4972,7 @@ Set the parameters. The active modes are found anew.
 @return as swb_integrator_set_controls
 """
 swb_integrator_set_params(integrator, p, np) =
-    ccall(address(182), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
+    ccall(address(183), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
 
 """
     swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) -> swb_status
@@ -4965,7 +4986,7 @@ next swb_integrator_reinit, or at once before the first step.
         small
 """
 swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) =
-    ccall(address(183), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
+    ccall(address(184), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
         rtol, n_rtol, atol, n_atol)
 
 """
@@ -4977,7 +4998,7 @@ Set times at which steps end, for functions of time that are not smooth there an
 @return SWB_OK; SWB_ERR_RANGE if a time is not finite
 """
 swb_integrator_set_stop_times(integrator, t, n) =
-    ccall(address(184), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
+    ccall(address(185), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
 
 """
     swb_integrator_set_preferred(integrator, subsystem, modes, n) -> swb_status
@@ -4990,7 +5011,7 @@ ambiguity = prefer. Taken over by the next swb_integrator_reinit, or at once bef
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such subsystem; SWB_ERR_RANGE if there is no such mode
 """
 swb_integrator_set_preferred(integrator, subsystem, modes, n) =
-    ccall(address(185), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
+    ccall(address(186), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
         n)
 
 """
@@ -5002,7 +5023,7 @@ Set who decides where the continuation is not unique, before the option ambiguit
 @return SWB_OK
 """
 swb_integrator_set_decider(integrator, decide, user_data) =
-    ccall(address(186), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
+    ccall(address(187), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
 
 """
     swb_integrator_step(integrator, t_stop, kind) -> swb_status
@@ -5014,7 +5035,7 @@ Do one step, not beyond t_stop nor a stop time.
         negative code; SWB_ERR_STATE after a call that failed so, until swb_integrator_reinit
 """
 swb_integrator_step(integrator, t_stop, kind) =
-    ccall(address(187), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
+    ccall(address(188), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
 
 """
     swb_integrator_advance(integrator, t, outcome) -> swb_status
@@ -5025,7 +5046,7 @@ Integrate to the time t, exactly. Time and state are those at the end, or where 
 @return as swb_integrator_step
 """
 swb_integrator_advance(integrator, t, outcome) =
-    ccall(address(188), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
+    ccall(address(189), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
 
 """
     swb_integrator_sample(integrator, t, n, x, n_x, outcome) -> swb_status
@@ -5040,7 +5061,7 @@ them, and the dense output of the run need not be kept. At a switch the state be
 @return as swb_integrator_step; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a time is not finite or the times do not increase
 """
 swb_integrator_sample(integrator, t, n, x, n_x, outcome) =
-    ccall(address(189), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}),
+    ccall(address(190), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}),
         integrator, t, n, x, n_x, outcome)
 
 """
@@ -5053,7 +5074,7 @@ Derivatives of the dense output with respect to time at a time in the last step.
 @return SWB_OK; SWB_ERR_RANGE if t is outside of the last step or k is negative; SWB_ERR_STATE before the first step
 """
 swb_integrator_get_dky(integrator, t, k, dky, nx) =
-    ccall(address(190), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
+    ccall(address(191), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
         dky, nx)
 
 """
@@ -5064,7 +5085,7 @@ Time reached.
 @return SWB_OK
 """
 swb_integrator_get_time(integrator, t) =
-    ccall(address(191), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
+    ccall(address(192), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
 
 """
     swb_integrator_get_state(integrator, x, nx) -> swb_status
@@ -5075,7 +5096,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_state(integrator, x, nx) =
-    ccall(address(192), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
+    ccall(address(193), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
 
 """
     swb_integrator_get_derivative(integrator, f, nx) -> swb_status
@@ -5086,7 +5107,7 @@ Derivative of the state with respect to time under the present active modes; 0 b
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_derivative(integrator, f, nx) =
-    ccall(address(193), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
+    ccall(address(194), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
 
 """
     swb_integrator_get_active(integrator, subsystem, active, n) -> swb_status
@@ -5098,7 +5119,7 @@ Active modes of a subsystem: one alone, or several in a sliding mode; none befor
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_active(integrator, subsystem, active, n) =
-    ccall(address(194), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
+    ccall(address(195), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
         n)
 
 """
@@ -5110,7 +5131,7 @@ How the simulation stands.
 @return SWB_OK
 """
 swb_integrator_get_outcome(integrator, outcome) =
-    ccall(address(195), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
+    ccall(address(196), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
 
 """
     swb_integrator_get_reason(integrator, buf, len, needed) -> swb_status
@@ -5122,7 +5143,7 @@ Why the simulation ended early, in words; if it did not, what is not known to th
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_integrator_get_reason(integrator, buf, len, needed) =
-    ccall(address(196), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
+    ccall(address(197), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
         needed)
 
 """
@@ -5135,7 +5156,7 @@ Work since the last swb_integrator_reinit.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_stats(integrator, stats, struct_size) =
-    ccall(address(197), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
+    ccall(address(198), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
         struct_size)
 
 """
@@ -5147,7 +5168,7 @@ A copy of the result since the last swb_integrator_reinit: switches, derivatives
 @return SWB_OK
 """
 swb_integrator_get_run(integrator, out) =
-    ccall(address(198), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
+    ccall(address(199), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
 
 """
     swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu) -> swb_status
@@ -5170,7 +5191,7 @@ the option adjoint.
 """
 swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du,
     nu) =
-    ccall(address(199), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
+    ccall(address(200), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64), integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu)
 
@@ -5192,7 +5213,7 @@ gradient of its own. Needs the option adjoint; the derivative has about half of 
         has implicit steps, contacts, zeros of higher order, or transitions that follow another event at the same time; SWB_ERR_INTERRUPTED
 """
 swb_integrator_adjoint_along(integrator, v, nx, x0, nx0, p, np, u, nu, ddx0, nddx0, ddp, nddp, ddu, nddu, dx, ndx) =
-    ccall(address(200), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
+    ccall(address(201), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64), integrator, v, nx, x0, nx0, p, np, u, nu, ddx0, nddx0, ddp, nddp, ddu, nddu, dx, ndx)
 
@@ -5205,7 +5226,7 @@ integration are taken over by the next swb_integrator_reinit, or at once before 
 @return as swb_settings_set_int
 """
 swb_integrator_set_int(integrator, name, value) =
-    ccall(address(201), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
+    ccall(address(202), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
 
 """
     swb_integrator_set_double(integrator, name, value) -> swb_status
@@ -5215,7 +5236,7 @@ Set a float option of an integrator by name, as swb_integrator_set_int.
 @return as swb_settings_set_double
 """
 swb_integrator_set_double(integrator, name, value) =
-    ccall(address(202), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
+    ccall(address(203), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
 
 """
     swb_integrator_set_string(integrator, name, value) -> swb_status
@@ -5225,7 +5246,7 @@ Set any option of an integrator by name from text, as swb_integrator_set_int.
 @return as swb_settings_set_string
 """
 swb_integrator_set_string(integrator, name, value) =
-    ccall(address(203), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
+    ccall(address(204), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
 
 """
     swb_integrator_set_settings(integrator, settings) -> swb_status
@@ -5236,7 +5257,7 @@ Set all options of an integrator, as swb_integrator_set_int.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_set_settings(integrator, settings) =
-    ccall(address(204), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
+    ccall(address(205), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
 
 """
     swb_integrator_get_settings(integrator, settings, struct_size) -> swb_status
@@ -5248,7 +5269,7 @@ Options of an integrator, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_settings(integrator, settings, struct_size) =
-    ccall(address(205), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
+    ccall(address(206), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
         struct_size)
 
 """
@@ -5260,7 +5281,7 @@ Set who is called once per accepted step; NULL for nobody.
 @return SWB_OK
 """
 swb_integrator_set_progress(integrator, progress, user_data) =
-    ccall(address(206), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
+    ccall(address(207), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
 
 """
     swb_integrator_set_poll(integrator, poll, user_data) -> swb_status
@@ -5272,7 +5293,7 @@ code runs: swb_integrator_set_progress calls at every step, which for a small sy
 @return SWB_OK
 """
 swb_integrator_set_poll(integrator, poll, user_data) =
-    ccall(address(207), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, poll, user_data)
+    ccall(address(208), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, poll, user_data)
 
 """
     swb_integrator_set_log(integrator, log, user_data) -> swb_status
@@ -5284,7 +5305,7 @@ for each switch at level debug, one for each step at level trace.
 @return SWB_OK
 """
 swb_integrator_set_log(integrator, log, user_data) =
-    ccall(address(208), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
+    ccall(address(209), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
 
 """
     swb_integrator_interrupt(integrator) -> swb_status
@@ -5295,14 +5316,14 @@ between steps: a call ends within the time of one step, which takes some tens of
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_integrator_interrupt(integrator) = ccall(address(209), swb_status, (Ptr{swb_integrator},), integrator)
+swb_integrator_interrupt(integrator) = ccall(address(210), swb_status, (Ptr{swb_integrator},), integrator)
 
 """
     swb_integrator_free(integrator) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_integrator_free(integrator) = ccall(address(210), Cvoid, (Ptr{swb_integrator},), integrator)
+swb_integrator_free(integrator) = ccall(address(211), Cvoid, (Ptr{swb_integrator},), integrator)
 
 """
     swb_step_options_init(options, struct_size) -> swb_status
@@ -5314,7 +5335,7 @@ Set the defaults of the options of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_step_options_init(options, struct_size) =
-    ccall(address(211), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
+    ccall(address(212), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
 
 """
     swb_stepper_create(system, options, out) -> swb_status
@@ -5328,7 +5349,7 @@ Create a stepper of a scene. It has no state yet; controls and parameters are ze
         option is outside its range; SWB_ERR_NUMERIC if a constant inertia is not positive definite
 """
 swb_stepper_create(system, options, out) =
-    ccall(address(212), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
+    ccall(address(213), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
         options, out)
 
 """
@@ -5342,7 +5363,7 @@ Set time and state (coordinates, then velocities), and forget impulses and stati
         SWB_ERR_NUMERIC if the inertia is not positive definite
 """
 swb_stepper_set_state(stepper, t, x, nx) =
-    ccall(address(213), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
+    ccall(address(214), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
 
 """
     swb_stepper_set_controls(stepper, u, nu) -> swb_status
@@ -5353,7 +5374,7 @@ Set the controls, constant from now on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_stepper_set_controls(stepper, u, nu) =
-    ccall(address(214), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
+    ccall(address(215), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
 
 """
     swb_stepper_set_params(stepper, p, np) -> swb_status
@@ -5364,7 +5385,7 @@ Set the parameters, constant from now on.
 @return as swb_stepper_set_controls
 """
 swb_stepper_set_params(stepper, p, np) =
-    ccall(address(215), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
+    ccall(address(216), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
 
 """
     swb_stepper_step(stepper) -> swb_status
@@ -5376,7 +5397,7 @@ Make one step of the length h of the options.
         end; SWB_ERR_RANGE if friction or restitution is out of range; SWB_ERR_NUMERIC if the inertia is not positive
         definite; SWB_ERR_INTERRUPTED
 """
-swb_stepper_step(stepper) = ccall(address(216), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_step(stepper) = ccall(address(217), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_advance(stepper, t) -> swb_status
@@ -5386,7 +5407,7 @@ Make equal steps, not longer than h, that end at a time.
 @param[in] t not before the time reached
 @return as swb_stepper_step; where it fails, time and state are those of the last step that was made
 """
-swb_stepper_advance(stepper, t) = ccall(address(217), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
+swb_stepper_advance(stepper, t) = ccall(address(218), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
 
 """
     swb_stepper_count(stepper, t, every, n) -> swb_status
@@ -5399,7 +5420,7 @@ How many states swb_stepper_run keeps.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
 """
 swb_stepper_count(stepper, t, every, n) =
-    ccall(address(218), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
+    ccall(address(219), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
 
 """
     swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) -> swb_status
@@ -5415,7 +5436,7 @@ Make equal steps, not longer than h, that end at a time, and keep states.
 @return as swb_stepper_step, and SWB_ERR_DIMENSION
 """
 swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) =
-    ccall(address(219), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(220), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), stepper, t, every, times, n_times, states, n_states, impulses, n_impulses)
 
 """
@@ -5430,7 +5451,7 @@ Sizes of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_stepper_sizes(stepper, nx, nu, np, n_contacts) =
-    ccall(address(220), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
+    ccall(address(221), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
         nu, np, n_contacts)
 
 """
@@ -5440,7 +5461,7 @@ Time reached.
 
 @return SWB_OK
 """
-swb_stepper_get_time(stepper, t) = ccall(address(221), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
+swb_stepper_get_time(stepper, t) = ccall(address(222), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
 
 """
     swb_stepper_get_state(stepper, x, nx) -> swb_status
@@ -5451,7 +5472,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_state(stepper, x, nx) =
-    ccall(address(222), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
+    ccall(address(223), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
 
 """
     swb_stepper_get_impulses(stepper, impulses, n) -> swb_status
@@ -5462,7 +5483,7 @@ Impulses of the last step: impulses, not forces.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_impulses(stepper, impulses, n) =
-    ccall(address(223), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
+    ccall(address(224), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
 
 """
     swb_stepper_get_stats(stepper, stats, struct_size) -> swb_status
@@ -5474,7 +5495,7 @@ Counts of the steps since the state was set, and how they went.
 @return SWB_OK; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_stepper_get_stats(stepper, stats, struct_size) =
-    ccall(address(224), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
+    ccall(address(225), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
 
 """
     swb_stepper_interrupt(stepper) -> swb_status
@@ -5484,14 +5505,14 @@ that step, and the object can be used again.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_stepper_interrupt(stepper) = ccall(address(225), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_interrupt(stepper) = ccall(address(226), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_free(stepper) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_stepper_free(stepper) = ccall(address(226), Cvoid, (Ptr{swb_stepper},), stepper)
+swb_stepper_free(stepper) = ccall(address(227), Cvoid, (Ptr{swb_stepper},), stepper)
 
 """
     swb_batch_create(system, settings, out) -> swb_status
@@ -5505,7 +5526,7 @@ Create a batch.
 @return as swb_integrator_create
 """
 swb_batch_create(system, settings, out) =
-    ccall(address(227), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
+    ccall(address(228), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
         out)
 
 """
@@ -5522,7 +5543,7 @@ are those of single runs to the last bit, whatever the number of threads.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative
 """
 swb_batch_run(batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads) =
-    ccall(address(228), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(229), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64, Int64), batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads)
 
 """
@@ -5532,7 +5553,7 @@ Number of runs of the last swb_batch_run; 0 before.
 
 @return SWB_OK
 """
-swb_batch_size(batch, n_runs) = ccall(address(229), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
+swb_batch_size(batch, n_runs) = ccall(address(230), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
 
 """
     swb_batch_states(batch, x, n) -> swb_status
@@ -5542,7 +5563,7 @@ Final states of all runs.
 @param[out] x [n] n_runs * nx, those of one run together; NaN for runs that failed
 @return SWB_OK; SWB_ERR_DIMENSION
 """
-swb_batch_states(batch, x, n) = ccall(address(230), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
+swb_batch_states(batch, x, n) = ccall(address(231), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
 
 """
     swb_batch_outcomes(batch, outcome, n) -> swb_status
@@ -5553,7 +5574,7 @@ How all runs ended.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_batch_outcomes(batch, outcome, n) =
-    ccall(address(231), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
+    ccall(address(232), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
 
 """
     swb_batch_get_run(batch, index, out) -> swb_status
@@ -5565,7 +5586,7 @@ A copy of the result of one run.
 @return SWB_OK; SWB_ERR_DIMENSION; the status of the run if it failed, with its message
 """
 swb_batch_get_run(batch, index, out) =
-    ccall(address(232), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
+    ccall(address(233), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
 
 """
     swb_batch_interrupt(batch) -> swb_status
@@ -5576,14 +5597,14 @@ finished its step.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_batch_interrupt(batch) = ccall(address(233), swb_status, (Ptr{swb_batch},), batch)
+swb_batch_interrupt(batch) = ccall(address(234), swb_status, (Ptr{swb_batch},), batch)
 
 """
     swb_batch_free(batch) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_batch_free(batch) = ccall(address(234), Cvoid, (Ptr{swb_batch},), batch)
+swb_batch_free(batch) = ccall(address(235), Cvoid, (Ptr{swb_batch},), batch)
 
 """
     swb_mhe_options_init(options, struct_size) -> swb_status
@@ -5595,7 +5616,7 @@ Set the defaults of the options of an estimator.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_mhe_options_init(options, struct_size) =
-    ccall(address(235), swb_status, (Ptr{swb_mhe_options}, UInt64), options, struct_size)
+    ccall(address(236), swb_status, (Ptr{swb_mhe_options}, UInt64), options, struct_size)
 
 """
     swb_mhe_create(ocp, measured, initial, n_initial, process, n_process, measurement, n_measurement, options, out) -> swb_status
@@ -5616,7 +5637,7 @@ is taken here, but for logs of switches. Constant parameters are estimated as st
         parameters; SWB_ERR_USER
 """
 swb_mhe_create(ocp, measured, initial, n_initial, process, n_process, measurement, n_measurement, options, out) =
-    ccall(address(236), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(237), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64, Ptr{swb_mhe_options}, Ptr{Ptr{swb_mhe}}), ocp, measured, initial, n_initial, process,
         n_process, measurement, n_measurement, options, out)
 
@@ -5633,7 +5654,7 @@ Sizes of an estimator.
 @return SWB_OK; SWB_ERR_NULL
 """
 swb_mhe_sizes(c, n, nx, nu, ny, nw) =
-    ccall(address(237), swb_status, (Ptr{swb_mhe}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c,
+    ccall(address(238), swb_status, (Ptr{swb_mhe}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c,
         n, nx, nu, ny, nw)
 
 """
@@ -5648,7 +5669,7 @@ Go to the next sample under a control, and do everything for it that needs no me
         code; SWB_ERR_INTERRUPTED
 """
 swb_mhe_prepare(c, u, nu, info, struct_size) =
-    ccall(address(238), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c, u, nu, info,
+    ccall(address(239), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c, u, nu, info,
         struct_size)
 
 """
@@ -5665,7 +5686,7 @@ SWB_NMPC_SOURCE_PLAN: functions have no value at the estimate.
         swb_mhe_prepare; SWB_ERR_USER; SWB_ERR_INTERRUPTED
 """
 swb_mhe_estimate(c, y, ny, x, nx, info, struct_size) =
-    ccall(address(239), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
+    ccall(address(240), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
         UInt64), c, y, ny, x, nx, info, struct_size)
 
 """
@@ -5676,7 +5697,7 @@ Set the parameters from the next preparation on; samples that were keep theirs.
 @param[in] p [np]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mhe_set_params(c, p, np) = ccall(address(240), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, np)
+swb_mhe_set_params(c, p, np) = ccall(address(241), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, np)
 
 """
     swb_mhe_reset(c, x0, nx) -> swb_status
@@ -5686,7 +5707,7 @@ Back to the start with another mean: nothing was measured.
 @param[in] x0 [nx]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_USER; SWB_ERR_INTERRUPTED
 """
-swb_mhe_reset(c, x0, nx) = ccall(address(241), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, x0, nx)
+swb_mhe_reset(c, x0, nx) = ccall(address(242), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, x0, nx)
 
 """
     swb_mhe_get_window(c, x, n_x, w, n_w, filled) -> swb_status
@@ -5699,7 +5720,7 @@ The window: states of its nodes, the last sample at the end, and noise of its st
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION
 """
 swb_mhe_get_window(c, x, n_x, w, n_w, filled) =
-    ccall(address(242), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x, n_x,
+    ccall(address(243), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x, n_x,
         w, n_w, filled)
 
 """
@@ -5710,7 +5731,7 @@ The covariance of the last state by the linearisation of the last program, witho
 @param[out] p [nx nx]
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION; SWB_ERR_STATE where there is no program
 """
-swb_mhe_get_covariance(c, p, n) = ccall(address(243), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, n)
+swb_mhe_get_covariance(c, p, n) = ccall(address(244), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_mhe_interrupt(c) -> swb_status
@@ -5719,14 +5740,14 @@ End the call that runs: from any thread or signal handler.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if the object has been freed
 """
-swb_mhe_interrupt(c) = ccall(address(244), swb_status, (Ptr{swb_mhe},), c)
+swb_mhe_interrupt(c) = ccall(address(245), swb_status, (Ptr{swb_mhe},), c)
 
 """
     swb_mhe_free(c) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mhe_free(c) = ccall(address(245), Cvoid, (Ptr{swb_mhe},), c)
+swb_mhe_free(c) = ccall(address(246), Cvoid, (Ptr{swb_mhe},), c)
 
 """
     swb_nmpc_options_init(options, struct_size) -> swb_status
@@ -5738,7 +5759,7 @@ Set the defaults of the options of a controller.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_options_init(options, struct_size) =
-    ccall(address(246), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
+    ccall(address(247), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
 
 """
     swb_nmpc_create(ocp, options, out) -> swb_status
@@ -5755,7 +5776,7 @@ every scheme but SWB_NMPC_SCHEME_MLI.
         periodicity, complementarity, penalties of the largest violation; SWB_ERR_RANGE if an option is outside its range
 """
 swb_nmpc_create(ocp, options, out) =
-    ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
+    ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
 
 """
     swb_nmpc_sizes(c, n, nx, nu) -> swb_status
@@ -5768,7 +5789,7 @@ Sizes of a controller.
 @return SWB_OK; SWB_ERR_NULL
 """
 swb_nmpc_sizes(c, n, nx, nu) =
-    ccall(address(248), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
+    ccall(address(249), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
 
 """
     swb_nmpc_initialise(c, x0, nx, max_iter, iterations) -> swb_status
@@ -5782,7 +5803,7 @@ Solve the problem for an initial state to convergence, from the present iterate:
         SWB_ERR_USER; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_initialise(c, x0, nx, max_iter, iterations) =
-    ccall(address(249), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
+    ccall(address(250), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
         iterations)
 
 """
@@ -5798,7 +5819,7 @@ sample before is used further, which is no failure.
         code; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_prepare(c, x_predicted, nx, info, struct_size) =
-    ccall(address(250), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
+    ccall(address(251), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
         x_predicted, nx, info, struct_size)
 
 """
@@ -5814,7 +5835,7 @@ made before the call returns.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite. How the preparation ends is said by swb_nmpc_wait.
 """
 swb_nmpc_prepare_async(c, x_predicted, nx, started) =
-    ccall(address(251), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
+    ccall(address(252), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
 
 """
     swb_nmpc_wait(c, info, struct_size) -> swb_status
@@ -5826,7 +5847,7 @@ Wait for the preparation that swb_nmpc_prepare_async has begun.
 @return SWB_OK; as swb_nmpc_prepare, how the preparation ended; SWB_ERR_STATE where there was none
 """
 swb_nmpc_wait(c, info, struct_size) =
-    ccall(address(252), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
+    ccall(address(253), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
 
 """
     swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) -> swb_status
@@ -5842,7 +5863,7 @@ most half of the deadline; then the control is that of the last plan and its fee
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) =
-    ccall(address(253), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
+    ccall(address(254), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
         UInt64), c, x, nx, u0, nu, info, struct_size)
 
 """
@@ -5853,7 +5874,7 @@ other call does it where it is needed.
 
 @return SWB_OK
 """
-swb_nmpc_finish(c) = ccall(address(254), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_finish(c) = ccall(address(255), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_set_params(c, p, n) -> swb_status
@@ -5865,7 +5886,7 @@ that switch they count from the next preparation on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_INTERRUPTED; SWB_ERR_USER for a negative code of a
         callback
 """
-swb_nmpc_set_params(c, p, n) = ccall(address(255), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
+swb_nmpc_set_params(c, p, n) = ccall(address(256), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_nmpc_set_references(c, term, y, n) -> swb_status
@@ -5878,7 +5899,7 @@ Set the references of a least-squares term. Between a preparation and its feedba
         SWB_ERR_USER for a negative code of a callback
 """
 swb_nmpc_set_references(c, term, y, n) =
-    ccall(address(256), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
+    ccall(address(257), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
 
 """
     swb_nmpc_set_time(c, t0) -> swb_status
@@ -5887,7 +5908,7 @@ Set the time of the first node, from the next preparation on.
 
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_nmpc_set_time(c, t0) = ccall(address(257), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
+swb_nmpc_set_time(c, t0) = ccall(address(258), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
 
 """
     swb_nmpc_set_weights(c, term, w, n_w) -> swb_status
@@ -5898,7 +5919,7 @@ Set the weights of a least-squares term, in the order they were added to the pro
 @return SWB_OK; SWB_ERR_RANGE for a term there is not, or a weight that is not finite; SWB_ERR_DIMENSION
 """
 swb_nmpc_set_weights(c, term, w, n_w) =
-    ccall(address(258), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, w, n_w)
+    ccall(address(259), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, w, n_w)
 
 """
     swb_nmpc_set_control_bounds(c, lower, upper, nu) -> swb_status
@@ -5910,7 +5931,7 @@ Set the bounds of the controls, infinite for none. Between a preparation and its
 @return SWB_OK; SWB_ERR_RANGE if a lower bound is above the upper one or NaN; SWB_ERR_DIMENSION
 """
 swb_nmpc_set_control_bounds(c, lower, upper, nu) =
-    ccall(address(259), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nu)
+    ccall(address(260), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nu)
 
 """
     swb_nmpc_set_state_bounds(c, lower, upper, nx) -> swb_status
@@ -5923,7 +5944,7 @@ Set the bounds of the states that have a derivative, infinite for none. Between 
         SWB_ERR_DIMENSION
 """
 swb_nmpc_set_state_bounds(c, lower, upper, nx) =
-    ccall(address(260), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nx)
+    ccall(address(261), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nx)
 
 """
     swb_nmpc_get_objective(c, value) -> swb_status
@@ -5933,7 +5954,7 @@ The cost of the plan with the prices of its violations, summed over the nodes as
 @param[out] value
 @return SWB_OK; SWB_ERR_NUMERIC if functions have no value at the plan; SWB_ERR_STATE without values of the parameters; SWB_ERR_NULL
 """
-swb_nmpc_get_objective(c, value) = ccall(address(261), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}), c, value)
+swb_nmpc_get_objective(c, value) = ccall(address(262), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}), c, value)
 
 """
     swb_nmpc_get_gain(c, k, n) -> swb_status
@@ -5943,7 +5964,7 @@ The feedback gain of the first stage where no constraint is active: u = u_0 + K 
 @param[out] k [nu nx] row by row
 @return SWB_OK; SWB_ERR_STATE if nothing is prepared; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
-swb_nmpc_get_gain(c, k, n) = ccall(address(262), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, k, n)
+swb_nmpc_get_gain(c, k, n) = ccall(address(263), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, k, n)
 
 """
     swb_nmpc_count_rows(c, rows) -> swb_status
@@ -5953,7 +5974,7 @@ Rows of constraints of the program: bounds of states and constraints, node by no
 @param[out] rows
 @return SWB_OK; SWB_ERR_NULL
 """
-swb_nmpc_count_rows(c, rows) = ccall(address(263), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}), c, rows)
+swb_nmpc_count_rows(c, rows) = ccall(address(264), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}), c, rows)
 
 """
     swb_nmpc_get_multipliers(c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes) -> swb_status
@@ -5967,7 +5988,7 @@ Multipliers of the plan: positive at upper, negative at lower bounds.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_get_multipliers(c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes) =
-    ccall(address(264), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(265), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Int64}, Int64), c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes)
 
 """
@@ -5977,7 +5998,7 @@ Set the seconds a feedback may take.
 
 @return SWB_OK; SWB_ERR_RANGE if they are not positive
 """
-swb_nmpc_set_deadline(c, seconds) = ccall(address(265), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
+swb_nmpc_set_deadline(c, seconds) = ccall(address(266), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
 
 """
     swb_nmpc_set_iterate(c, x, n_x, u, n_u) -> swb_status
@@ -5989,7 +6010,7 @@ Set the iterate; its multipliers are zero.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_nmpc_set_iterate(c, x, n_x, u, n_u) =
-    ccall(address(266), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(267), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_write_c(c, folder, prefix, precision) -> swb_status
@@ -6010,7 +6031,7 @@ recorded here; this controller is afterwards as after swb_nmpc_set_iterate with 
         stagewise; SWB_ERR_RANGE for the prefix, the precision, or if a file cannot be written
 """
 swb_nmpc_write_c(c, folder, prefix, precision) =
-    ccall(address(267), swb_status, (Ptr{swb_nmpc}, Cstring, Cstring, Int64), c, folder, prefix, precision)
+    ccall(address(268), swb_status, (Ptr{swb_nmpc}, Cstring, Cstring, Int64), c, folder, prefix, precision)
 
 """
     swb_nmpc_reset(c) -> swb_status
@@ -6019,7 +6040,7 @@ Back to the start: the guess of the problem, no multipliers, nothing measured, m
 
 @return SWB_OK
 """
-swb_nmpc_reset(c) = ccall(address(268), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_reset(c) = ccall(address(269), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_get_plan(c, x, n_x, u, n_u) -> swb_status
@@ -6031,7 +6052,7 @@ The plan from the last sample on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_get_plan(c, x, n_x, u, n_u) =
-    ccall(address(269), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(270), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_get_monitor(c, monitor, struct_size) -> swb_status
@@ -6043,7 +6064,7 @@ How the controller is doing.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_get_monitor(c, monitor, struct_size) =
-    ccall(address(270), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
+    ccall(address(271), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
 
 """
     swb_nmpc_interrupt(c) -> swb_status
@@ -6052,14 +6073,14 @@ End the call that runs: from any thread or signal handler. A preparation that is
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if the object has been freed
 """
-swb_nmpc_interrupt(c) = ccall(address(271), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_interrupt(c) = ccall(address(272), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_free(c) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_nmpc_free(c) = ccall(address(272), Cvoid, (Ptr{swb_nmpc},), c)
+swb_nmpc_free(c) = ccall(address(273), Cvoid, (Ptr{swb_nmpc},), c)
 
 """
     swb_ocp_create(system, horizon, n_stages, settings, out) -> swb_status
@@ -6077,7 +6098,7 @@ SWB_ERR_STATE.
         positive or an option is outside its range; SWB_ERR_DIMENSION without stages
 """
 swb_ocp_create(system, horizon, n_stages, settings, out) =
-    ccall(address(273), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
+    ccall(address(274), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
         horizon, n_stages, settings, out)
 
 """
@@ -6090,7 +6111,7 @@ controls that are constant by stage, and parameters. A program has a variable in
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit; SWB_ERR_UNSUPPORTED for abs, min and max of what moves within a
         stage: make such a cost the derivative of a further state of the model, and its value at the end the terminal cost
 """
-swb_ocp_set_lagrange(ocp, f) = ccall(address(274), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_lagrange(ocp, f) = ccall(address(275), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_set_mayer(ocp, f) -> swb_status
@@ -6100,7 +6121,7 @@ states, too.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_ocp_set_mayer(ocp, f) = ccall(address(275), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_mayer(ocp, f) = ccall(address(276), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) -> swb_status
@@ -6113,7 +6134,7 @@ Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) =
-    ccall(address(276), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(277), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, lower, n_lower, upper, n_upper, at)
 
 """
@@ -6127,7 +6148,7 @@ last stage.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_terminal(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(277), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(278), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -6140,7 +6161,7 @@ Set bounds of the states at all stage points and element ends after the initial 
 @return as swb_ocp_add_path
 """
 swb_ocp_set_state_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(278), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(279), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6153,7 +6174,7 @@ Set bounds of the initial state; equal bounds fix it.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_initial_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(279), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(280), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6165,7 +6186,7 @@ Fix the initial state.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is NaN
 """
 swb_ocp_set_initial_state(ocp, x0, nx) =
-    ccall(address(280), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
+    ccall(address(281), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
 
 """
     swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -6177,7 +6198,7 @@ Set bounds of the controls.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(281), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(282), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6193,7 +6214,7 @@ bounds is better known to you.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not positive and finite
 """
 swb_ocp_set_nominal(ocp, x, n_x, u, n_u, p, n_p) =
-    ccall(address(282), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(283), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, x, n_x, u, n_u, p, n_p)
 
 """
@@ -6204,7 +6225,7 @@ Set the parameters.
 @param[in] p [np]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_ocp_set_params(ocp, p, np) = ccall(address(283), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
+swb_ocp_set_params(ocp, p, np) = ccall(address(284), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
 
 """
     swb_ocp_set_initial_time(ocp, t0) -> swb_status
@@ -6213,7 +6234,7 @@ Set the initial time.
 
 @return SWB_OK; SWB_ERR_RANGE if it is not finite
 """
-swb_ocp_set_initial_time(ocp, t0) = ccall(address(284), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
+swb_ocp_set_initial_time(ocp, t0) = ccall(address(285), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
 
 """
     swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) -> swb_status
@@ -6225,7 +6246,7 @@ Give states to start from, linear in between.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if times do not rise or a value is not finite
 """
 swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) =
-    ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
+    ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
         x, n_x)
 
 """
@@ -6237,7 +6258,7 @@ Give controls to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_ocp_set_control_guess(ocp, u, n_u) =
-    ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_solve(ocp, outcome) -> swb_status
@@ -6249,7 +6270,7 @@ Solve. The problem is discretised at the first solve, and again only when its st
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if options do not go together
 """
-swb_ocp_solve(ocp, outcome) = ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve(ocp, outcome) = ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_outcome(ocp, outcome) -> swb_status
@@ -6259,7 +6280,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_outcome(ocp, outcome) = ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_get_outcome(ocp, outcome) = ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_polished(ocp, polished) -> swb_status
@@ -6269,7 +6290,7 @@ Outcome of the polish, which identifies the active set and solves the problem wi
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_polished(ocp, polished) = ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
+swb_ocp_get_polished(ocp, polished) = ccall(address(290), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
 
 """
     swb_ocp_get_cost(ocp, cost) -> swb_status
@@ -6280,7 +6301,7 @@ another point costs says nothing about the problem (swb_ocp_get_cost_reached).
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost(ocp, cost) = ccall(address(290), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost(ocp, cost) = ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_cost_reached(ocp, cost) -> swb_status
@@ -6291,7 +6312,7 @@ solve was stopped before it was known.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost_reached(ocp, cost) = ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost_reached(ocp, cost) = ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_controls(ocp, u, n_u) -> swb_status
@@ -6301,7 +6322,7 @@ Controls.
 @param[out] u [n_u] n_stages * nu, the controls of one stage together
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_controls(ocp, u, n_u) = ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+swb_ocp_get_controls(ocp, u, n_u) = ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) -> swb_status
@@ -6321,7 +6342,7 @@ each.
         minimiser; SWB_ERR_USER, SWB_ERR_NONFINITE if the model fails next to the given parameters
 """
 swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) =
-    ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
+    ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
         n_cost, u, n_u, one_sided)
 
 """
@@ -6334,7 +6355,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_residuals(ocp, residuals, struct_size) =
-    ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
+    ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
 
 """
     swb_ocp_get_stats(ocp, stats, struct_size) -> swb_status
@@ -6346,7 +6367,7 @@ Work and time of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_stats(ocp, stats, struct_size) =
-    ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
+    ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
 
 """
     swb_ocp_get_trajectory(ocp, out) -> swb_status
@@ -6356,7 +6377,7 @@ A copy of the trajectory of the last solve.
 @param[out] out the new object, NULL on failure; free with swb_trajectory_free
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_trajectory(ocp, out) = ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
+swb_ocp_get_trajectory(ocp, out) = ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
 
 """
     swb_ocp_set_int(ocp, name, value) -> swb_status
@@ -6365,7 +6386,7 @@ Set an integer or enumeration option of an optimal control problem (or a float o
 
 @return as swb_settings_set_int
 """
-swb_ocp_set_int(ocp, name, value) = ccall(address(297), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
+swb_ocp_set_int(ocp, name, value) = ccall(address(298), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
 
 """
     swb_ocp_set_double(ocp, name, value) -> swb_status
@@ -6375,7 +6396,7 @@ Set a float option of an optimal control problem by name.
 @return as swb_settings_set_double
 """
 swb_ocp_set_double(ocp, name, value) =
-    ccall(address(298), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
+    ccall(address(299), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
 
 """
     swb_ocp_set_string(ocp, name, value) -> swb_status
@@ -6385,7 +6406,7 @@ Set any option of an optimal control problem by name from text: a number, or the
 @return as swb_settings_set_string
 """
 swb_ocp_set_string(ocp, name, value) =
-    ccall(address(299), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
+    ccall(address(300), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
 
 """
     swb_ocp_set_settings(ocp, settings) -> swb_status
@@ -6395,7 +6416,7 @@ Set all options of an optimal control problem.
 @param[in] settings NULL for the defaults
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
-swb_ocp_set_settings(ocp, settings) = ccall(address(300), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
+swb_ocp_set_settings(ocp, settings) = ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
 
 """
     swb_ocp_get_settings(ocp, settings, struct_size) -> swb_status
@@ -6407,7 +6428,7 @@ Options of an optimal control problem, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_get_settings(ocp, settings, struct_size) =
-    ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
+    ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
 
 """
     swb_ocp_set_iteration(ocp, iteration, user_data) -> swb_status
@@ -6418,7 +6439,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_iteration(ocp, iteration, user_data) =
-    ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
+    ccall(address(303), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
 
 """
     swb_ocp_set_log(ocp, log, user_data) -> swb_status
@@ -6429,7 +6450,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_log(ocp, log, user_data) =
-    ccall(address(303), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
+    ccall(address(304), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
 
 """
     swb_ocp_interrupt(ocp) -> swb_status
@@ -6444,14 +6465,14 @@ calls in the same places.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_ocp_interrupt(ocp) = ccall(address(304), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_interrupt(ocp) = ccall(address(305), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_free(ocp) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_ocp_free(ocp) = ccall(address(305), Cvoid, (Ptr{swb_ocp},), ocp)
+swb_ocp_free(ocp) = ccall(address(306), Cvoid, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_sizes(ocp, nx, nu, np, n_stages) -> swb_status
@@ -6465,7 +6486,7 @@ Sizes of an optimal control problem.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_ocp_sizes(ocp, nx, nu, np, n_stages) =
-    ccall(address(306), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
+    ccall(address(307), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
         n_stages)
 
 """
@@ -6479,7 +6500,7 @@ accuracy_tol.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_accuracy(ocp, accuracy, struct_size) =
-    ccall(address(307), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
+    ccall(address(308), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
 
 """
     swb_ocp_get_certificate(ocp, certificate, struct_size) -> swb_status
@@ -6492,7 +6513,7 @@ unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_certificate(ocp, certificate, struct_size) =
-    ccall(address(308), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
+    ccall(address(309), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
 
 """
     swb_ocp_get_mismatch(ocp, stages, n_stages) -> swb_status
@@ -6503,7 +6524,7 @@ Largest difference between a state of the last solution and of the simulation at
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_accuracy
 """
 swb_ocp_get_mismatch(ocp, stages, n_stages) =
-    ccall(address(309), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
+    ccall(address(310), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
 
 """
     swb_ocp_get_message(ocp, buf, len, needed) -> swb_status
@@ -6518,7 +6539,7 @@ counted from zero. Empty where there is nothing to say. After a solve that retur
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_message(ocp, buf, len, needed) =
-    ccall(address(310), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(311), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_count_multipliers(ocp, of, n) -> swb_status
@@ -6529,7 +6550,7 @@ Constraints of a kind that multipliers belong to; 1 for what is no list.
 @param[out] n  constraints, in the order in which they were added
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
 """
-swb_ocp_count_multipliers(ocp, of, n) = ccall(address(311), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
+swb_ocp_count_multipliers(ocp, of, n) = ccall(address(312), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
 
 """
     swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) -> swb_status
@@ -6543,7 +6564,7 @@ Sizes of the multipliers of the last solution.
 @return SWB_OK; SWB_ERR_NULL; otherwise as swb_ocp_get_multipliers
 """
 swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) =
-    ccall(address(312), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
+    ccall(address(313), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
         width)
 
 """
@@ -6560,7 +6581,7 @@ transitions or contacts, and of several phases.
         the model fails
 """
 swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) =
-    ccall(address(313), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
+    ccall(address(314), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
         index, times, n_times, values, n_values)
 
 """
@@ -6568,7 +6589,7 @@ swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) =
 
 Name of an enum swb_verdict, such as \"kink\"; NULL for any other number. Static.
 """
-swb_verdict_name(verdict) = ccall(address(314), Cstring, (Int32,), verdict)
+swb_verdict_name(verdict) = ccall(address(315), Cstring, (Int32,), verdict)
 
 """
     swb_ocp_get_optimality(ocp, optimality, struct_size) -> swb_status
@@ -6581,7 +6602,7 @@ multipliers of its constraints decide, independently of the discretisation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_optimality(ocp, optimality, struct_size) =
-    ccall(address(315), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
+    ccall(address(316), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
 
 """
     swb_ocp_get_kink(ocp, index, kink, struct_size) -> swb_status
@@ -6594,7 +6615,7 @@ A switch of the last solution that lies between two control stages.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_kink(ocp, index, kink, struct_size) =
-    ccall(address(316), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
+    ccall(address(317), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
 
 """
     swb_ocp_get_reduced_gradient(ocp, gradient, n) -> swb_status
@@ -6607,7 +6628,7 @@ verdict is SWB_VERDICT_UNKNOWN for want of a simulation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_reduced_gradient(ocp, gradient, n) =
-    ccall(address(317), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
+    ccall(address(318), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
 
 """
     swb_ocp_get_descent(ocp, direction, n) -> swb_status
@@ -6620,7 +6641,7 @@ where controls are linear.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_descent(ocp, direction, n) =
-    ccall(address(318), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
+    ccall(address(319), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
 
 """
     swb_ocp_get_optimality_reason(ocp, buf, len, needed) -> swb_status
@@ -6632,7 +6653,7 @@ Why it is not known whether the last solution is optimal; empty where it is.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_optimality_reason(ocp, buf, len, needed) =
-    ccall(address(319), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(320), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_create_scene(scene, horizon, n_stages, settings, out) -> swb_status
@@ -6648,7 +6669,7 @@ coordinates, then velocities, then what else it has; horizon, control grid and c
 @return as swb_ocp_create; SWB_ERR_STATE if the scene is not built
 """
 swb_ocp_create_scene(scene, horizon, n_stages, settings, out) =
-    ccall(address(320), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
+    ccall(address(321), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
         horizon, n_stages, settings, out)
 
 """
@@ -6659,7 +6680,7 @@ Set how contact modes and impacts of a scene are found. Other systems do not loo
 @param[in] jumps an enum swb_jumps
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_ocp_set_jumps(ocp, jumps) = ccall(address(321), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
+swb_ocp_set_jumps(ocp, jumps) = ccall(address(322), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
 
 """
     swb_ocp_get_contacts(ocp, n_contacts, n_impacts) -> swb_status
@@ -6671,7 +6692,7 @@ Sizes of what the contacts of an answer do.
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene
 """
 swb_ocp_get_contacts(ocp, n_contacts, n_impacts) =
-    ccall(address(322), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
+    ccall(address(323), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
 
 """
     swb_ocp_impacts(ocp, impacts, n, struct_size) -> swb_status
@@ -6683,7 +6704,7 @@ The impacts of an answer in the order they happen. Their depth is NaN: it is not
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if n is another number
 """
 swb_ocp_impacts(ocp, impacts, n, struct_size) =
-    ccall(address(323), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
+    ccall(address(324), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
 
 """
     swb_ocp_contact_modes(ocp, t, n_t, modes, n) -> swb_status
@@ -6696,7 +6717,7 @@ Modes of the contacts of an answer at times.
         SWB_ERR_DIMENSION
 """
 swb_ocp_contact_modes(ocp, t, n_t, modes, n) =
-    ccall(address(324), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
+    ccall(address(325), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
 
 """
     swb_ocp_contact_forces(ocp, t, n_t, forces, n) -> swb_status
@@ -6709,7 +6730,7 @@ Forces of the contacts of an answer at times: forces, not impulses.
 @return as swb_ocp_contact_modes
 """
 swb_ocp_contact_forces(ocp, t, n_t, forces, n) =
-    ccall(address(325), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
+    ccall(address(326), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
         n)
 
 """
@@ -6723,7 +6744,7 @@ every contact, the recommended one, how long a jump takes, warnings.
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_ocp_freezing_report(ocp, buf, len, needed) =
-    ccall(address(326), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(327), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) -> swb_status
@@ -6736,7 +6757,7 @@ Sizes of the mode sequence of the last solution: a phase for every finite elemen
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) =
-    ccall(address(327), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
+    ccall(address(328), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
         n_cells)
 
 """
@@ -6751,7 +6772,7 @@ Mode sequence of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(328), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(329), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -6768,7 +6789,7 @@ checks. Orders next to it are tried within the budget of the option mode_search 
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the times fall or do not start at 0
 """
 swb_ocp_set_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(329), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(330), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -6781,7 +6802,7 @@ the bounds of the controls.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_random_starts(ocp, seed, u, n_u) =
-    ccall(address(330), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
+    ccall(address(331), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
 
 """
     swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) -> swb_status
@@ -6802,7 +6823,7 @@ starts; so does swb_ocp_interrupt.
         first start if all fail
 """
 swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
-    ccall(address(331), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
+    ccall(address(332), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
         best)
 
 """
@@ -6818,7 +6839,7 @@ Results of the starts of the last swb_ocp_solve_starts.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
 """
 swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) =
-    ccall(address(332), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
+    ccall(address(333), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
         Int64), ocp, start, outcome, polished, cost, u, n_u)
 
 """
@@ -6832,7 +6853,7 @@ How the grid of the last solve was adapted (option adapt_tol).
 @return SWB_OK; SWB_ERR_STATE before the first solve, and where the option adapt_tol is 0
 """
 swb_ocp_get_adaptation(ocp, n_rounds, kept, reached) =
-    ccall(address(333), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
+    ccall(address(334), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
         reached)
 
 """
@@ -6850,7 +6871,7 @@ One solve on the way to an adapted grid.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
 """
 swb_ocp_get_round(ocp, round, elements, n_elements, n_variables, iterations, error, cost) =
-    ccall(address(334), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
+    ccall(address(335), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
         Ptr{Cdouble}), ocp, round, elements, n_elements, n_variables, iterations, error, cost)
 
 """
@@ -6864,7 +6885,7 @@ control and time of the end.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_boundary(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(335), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(336), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -6876,7 +6897,7 @@ Require that states have the same values at both ends of the horizon.
 @return SWB_OK; SWB_ERR_RANGE if there is no such state
 """
 swb_ocp_add_periodic(ocp, states, n_states) =
-    ccall(address(336), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
+    ccall(address(337), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
 
 """
     swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) -> swb_status
@@ -6889,7 +6910,7 @@ Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the cont
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) =
-    ccall(address(337), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(338), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, weights, n_weights, references, n_references, at)
 
 """
@@ -6902,7 +6923,7 @@ Change the references of a least-squares term.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term
 """
 swb_ocp_set_references(ocp, term, references, n_references) =
-    ccall(address(338), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
+    ccall(address(339), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
 
 """
     swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) -> swb_status
@@ -6917,7 +6938,7 @@ without it; see swb_ocp_get_violation.
 @return as swb_ocp_add_path; SWB_ERR_RANGE if the weight is not positive
 """
 swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) =
-    ccall(address(339), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(340), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32, Int32, Cdouble), ocp, f, lower, n_lower, upper, n_upper, at, norm, weight)
 
 """
@@ -6932,7 +6953,7 @@ is zero. Pairs of controls alone belong to the control grid; elsewhere they woul
 @return as swb_ocp_add_path
 """
 swb_ocp_add_complementarity(ocp, a, b, at) =
-    ccall(address(340), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
+    ccall(address(341), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
 
 """
     swb_ocp_set_elements(ocp, n_fe, n) -> swb_status
@@ -6942,7 +6963,7 @@ Set the number of finite elements of every control stage; without it all have as
 @param[in] n_fe [n] one for every stage, at least 1
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
-swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(341), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
+swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(342), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 
 """
     swb_ocp_set_durations(ocp, durations, n) -> swb_status
@@ -6953,7 +6974,7 @@ Set the lengths of the control stages; where they are free, those to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_durations(ocp, durations, n) =
-    ccall(address(342), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(343), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_set_free_time(ocp, what, lower, upper) -> swb_status
@@ -6966,7 +6987,7 @@ Let the optimiser choose lengths.
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_set_free_time(ocp, what, lower, upper) =
-    ccall(address(343), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
+    ccall(address(344), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
 
 """
     swb_ocp_add_horizon(ocp, lower, upper) -> swb_status
@@ -6976,7 +6997,7 @@ Bound the length of the horizon where those of the stages are free; after swb_oc
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_add_horizon(ocp, lower, upper) =
-    ccall(address(344), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
+    ccall(address(345), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
 
 """
     swb_ocp_set_linear_controls(ocp, linear, nu) -> swb_status
@@ -6987,7 +7008,7 @@ Make controls continuous and linear on every stage; the others stay constant.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_set_linear_controls(ocp, linear, nu) =
-    ccall(address(345), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
+    ccall(address(346), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
 
 """
     swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -7000,7 +7021,7 @@ the others keep those values.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(346), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(347), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7012,7 +7033,7 @@ Set parameters that change from control stage to control stage.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_stage_params(ocp, p, n_p) =
-    ccall(address(347), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+    ccall(address(348), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_solve_warm(ocp, outcome) -> swb_status
@@ -7022,7 +7043,7 @@ Solve from the last solution: after small changes its active set is tried first.
 @param[out] outcome as swb_ocp_solve
 @return as swb_ocp_solve
 """
-swb_ocp_solve_warm(ocp, outcome) = ccall(address(348), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve_warm(ocp, outcome) = ccall(address(349), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_shift(ocp) -> swb_status
@@ -7032,7 +7053,7 @@ initial state that is set by then, and starts from its modes and switching times
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_shift(ocp) = ccall(address(349), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_shift(ocp) = ccall(address(350), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_get_durations(ocp, durations, n) -> swb_status
@@ -7043,7 +7064,7 @@ Lengths of the control stages of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_durations(ocp, durations, n) =
-    ccall(address(350), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(351), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_get_params(ocp, p, n_p) -> swb_status
@@ -7053,7 +7074,7 @@ Parameters of the last solution, those that were free as they were found.
 @param[out] p [n_p] np
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_params(ocp, p, n_p) = ccall(address(351), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+swb_ocp_get_params(ocp, p, n_p) = ccall(address(352), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_get_control_ends(ocp, u, n_u) -> swb_status
@@ -7064,7 +7085,7 @@ Controls at the end of every stage: others than at its start where they are line
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_control_ends(ocp, u, n_u) =
-    ccall(address(352), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(353), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_violation(ocp, violation) -> swb_status
@@ -7073,7 +7094,7 @@ Largest violation of a relaxed constraint.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_violation(ocp, violation) = ccall(address(353), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
+swb_ocp_get_violation(ocp, violation) = ccall(address(354), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 
 """
     swb_ocp_jump_count(ocp, n_jumps) -> swb_status
@@ -7083,7 +7104,7 @@ Number of transitions of the last answer.
 @param[out] n_jumps transitions; 0 for systems without
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE before the first solve
 """
-swb_ocp_jump_count(ocp, n_jumps) = ccall(address(354), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
+swb_ocp_jump_count(ocp, n_jumps) = ccall(address(355), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
 
 """
     swb_ocp_jumps(ocp, jumps, n, struct_size) -> swb_status
@@ -7095,7 +7116,7 @@ The transitions of the last answer in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jumps(ocp, jumps, n, struct_size) =
-    ccall(address(355), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
+    ccall(address(356), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
 
 """
     swb_ocp_jump_states(ocp, index, before, after, n) -> swb_status
@@ -7108,7 +7129,7 @@ The states just before and just behind a transition of the last answer.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jump_states(ocp, index, before, after, n) =
-    ccall(address(356), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
+    ccall(address(357), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
         after, n)
 
 """
@@ -7123,7 +7144,7 @@ links tie it to the end of the phase before. A function of time sees the time fr
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
 """
 swb_multiphase_create(phases, n_phases, settings, out) =
-    ccall(address(357), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
+    ccall(address(358), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
         n_phases, settings, out)
 
 """
@@ -7138,7 +7159,7 @@ controls and no parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no phase behind, or a lower bound is above the upper one
 """
 swb_multiphase_link(m, phase, f, lower, n_lower, upper, n_upper) =
-    ccall(address(358), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
+    ccall(address(359), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), m, phase, f, lower, n_lower, upper, n_upper)
 
 """
@@ -7149,7 +7170,7 @@ Require that the next phase begins where this one ends, in all states.
 @param[in] phase counted from 0
 @return as swb_multiphase_link
 """
-swb_multiphase_link_continuous(m, phase) = ccall(address(359), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
+swb_multiphase_link_continuous(m, phase) = ccall(address(360), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 
 """
     swb_multiphase_link_reset(m, phase, r) -> swb_status
@@ -7162,7 +7183,7 @@ Require that the next phase begins at r(x(T)): what a stage that drops off, a do
 @return as swb_multiphase_link
 """
 swb_multiphase_link_reset(m, phase, r) =
-    ccall(address(360), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
+    ccall(address(361), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
 
 """
     swb_multiphase_solve(m, outcome) -> swb_status
@@ -7172,7 +7193,7 @@ Solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_ocp_solve
 """
-swb_multiphase_solve(m, outcome) = ccall(address(361), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
+swb_multiphase_solve(m, outcome) = ccall(address(362), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
@@ -7184,7 +7205,7 @@ Result of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_info(m, info, struct_size) =
-    ccall(address(362), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
+    ccall(address(363), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
 
 """
     swb_multiphase_get_message(m, buf, len, needed) -> swb_status
@@ -7196,7 +7217,7 @@ Why the last solve did not end with an exact solution; empty where there is noth
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_message(m, buf, len, needed) =
-    ccall(address(363), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
+    ccall(address(364), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
 
 """
     swb_multiphase_get_phase(m, phase, out) -> swb_status
@@ -7209,7 +7230,7 @@ and statistics are those of all phases.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_phase(m, phase, out) =
-    ccall(address(364), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
+    ccall(address(365), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
 
 """
     swb_multiphase_set_iteration(m, iteration, user_data) -> swb_status
@@ -7220,7 +7241,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_multiphase_set_iteration(m, iteration, user_data) =
-    ccall(address(365), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
+    ccall(address(366), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
 
 """
     swb_multiphase_interrupt(m) -> swb_status
@@ -7229,14 +7250,14 @@ Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_multiphase_interrupt(m) = ccall(address(366), swb_status, (Ptr{swb_multiphase},), m)
+swb_multiphase_interrupt(m) = ccall(address(367), swb_status, (Ptr{swb_multiphase},), m)
 
 """
     swb_multiphase_free(m) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_multiphase_free(m) = ccall(address(367), Cvoid, (Ptr{swb_multiphase},), m)
+swb_multiphase_free(m) = ccall(address(368), Cvoid, (Ptr{swb_multiphase},), m)
 
 """
     swb_model_to_json(model, buf, len, needed) -> swb_status
@@ -7250,7 +7271,7 @@ states with the values they begin with, and its transitions. Functions that are 
         too short
 """
 swb_model_to_json(model, buf, len, needed) =
-    ccall(address(368), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(369), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) -> swb_status
@@ -7266,7 +7287,7 @@ Build a model from a document; its expressions become expressions of the graph.
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
 """
 swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) =
-    ccall(address(369), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(370), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_model}}), graph, text, functions, n_functions, rhs, n_rhs, out)
 
 """
@@ -7277,7 +7298,7 @@ Numbers of states, controls and parameters of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_sizes(model, nx, nu, np) =
-    ccall(address(370), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
+    ccall(address(371), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
 
 """
     swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) -> swb_status
@@ -7293,7 +7314,7 @@ Functions that are not made of expressions are named only.
         the buffer is too short
 """
 swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) =
-    ccall(address(371), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
+    ccall(address(372), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
         duration, n_steps, buf, len, needed)
 
 """
@@ -7309,7 +7330,7 @@ Create a simulator from a document; it stands where the simulation begins.
 @return as swb_model_from_json
 """
 swb_simulator_from_json(text, functions, n_functions, duration, n_steps, out) =
-    ccall(address(372), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
+    ccall(address(373), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
         Ptr{Ptr{swb_simulator}}), text, functions, n_functions, duration, n_steps, out)
 
 """
@@ -7324,7 +7345,7 @@ given to start from. Functions that are not made of expressions are named only.
         too short
 """
 swb_ocp_to_json(ocp, buf, len, needed) =
-    ccall(address(373), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(374), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_from_json(text, functions, n_functions, out) -> swb_status
@@ -7337,7 +7358,7 @@ Create an optimal control problem from a document.
 @return as swb_model_from_json
 """
 swb_ocp_from_json(text, functions, n_functions, out) =
-    ccall(address(374), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
+    ccall(address(375), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
         n_functions, out)
 
 """
@@ -7354,7 +7375,7 @@ Create a program without pairs and bounds, parameters and start zero.
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
 """
 swb_mpcc_create(n, np, objective, constraints, settings, out) =
-    ccall(address(375), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
+    ccall(address(376), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
         Ptr{Ptr{swb_mpcc}}), n, np, objective, constraints, settings, out)
 
 """
@@ -7372,7 +7393,7 @@ A constraint may be in one pair only; a variable in several.
         there is no such index
 """
 swb_mpcc_add_pair(mpcc, kind_g, index_g, kind_h, index_h) =
-    ccall(address(376), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
+    ccall(address(377), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
         index_h)
 
 """
@@ -7389,7 +7410,7 @@ nonlinear complementarity problem.
 @return SWB_OK; SWB_ERR_RANGE if the constraint is in a pair or box; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_add_box(mpcc, variable, constraint) =
-    ccall(address(377), swb_status, (Ptr{swb_mpcc}, Int64, Int64), mpcc, variable, constraint)
+    ccall(address(378), swb_status, (Ptr{swb_mpcc}, Int64, Int64), mpcc, variable, constraint)
 
 """
     swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) -> swb_status
@@ -7405,7 +7426,7 @@ For functions described with swb_function_set_linear nothing else is prepared, a
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
 """
 swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) =
-    ccall(address(378), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
+    ccall(address(379), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
         mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data)
 
 """
@@ -7418,7 +7439,7 @@ Set bounds of the variables.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_mpcc_set_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(379), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(380), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7431,7 +7452,7 @@ Set bounds of the constraints; equal bounds make an equation. Those of rows in p
 @return as swb_mpcc_set_bounds
 """
 swb_mpcc_set_constraint_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(380), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(381), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7443,7 +7464,7 @@ Set the parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_params(mpcc, values, np) =
-    ccall(address(381), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
+    ccall(address(382), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
 
 """
     swb_mpcc_set_start(mpcc, w, n) -> swb_status
@@ -7453,7 +7474,7 @@ Set the point to start from.
 @param[in] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mpcc_set_start(mpcc, w, n) = ccall(address(382), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_set_start(mpcc, w, n) = ccall(address(383), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) -> swb_status
@@ -7468,7 +7489,7 @@ goes back to starting from a point alone.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) =
-    ccall(address(383), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(384), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         mpcc, w, n, y, m, z, n_z)
 
 """
@@ -7481,7 +7502,7 @@ Solve.
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
 """
-swb_mpcc_solve(mpcc, outcome) = ccall(address(384), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_solve(mpcc, outcome) = ccall(address(385), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_resolve(mpcc, outcome) -> swb_status
@@ -7492,7 +7513,7 @@ failed, diverged or ended infeasible this is swb_mpcc_solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_resolve(mpcc, outcome) = ccall(address(385), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_resolve(mpcc, outcome) = ccall(address(386), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_outcome(mpcc, outcome) -> swb_status
@@ -7502,7 +7523,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(386), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(387), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
@@ -7512,7 +7533,7 @@ Outcome of the polish, which identifies the active set and solves the smooth pro
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_polished(mpcc, polished) = ccall(address(387), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
+swb_mpcc_get_polished(mpcc, polished) = ccall(address(388), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 
 """
     swb_mpcc_get_objective(mpcc, objective) -> swb_status
@@ -7522,7 +7543,7 @@ Objective.
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_objective(mpcc, objective) =
-    ccall(address(388), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
+    ccall(address(389), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
 
 """
     swb_mpcc_get_solution(mpcc, w, n) -> swb_status
@@ -7532,7 +7553,7 @@ The point.
 @param[out] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_solution(mpcc, w, n) = ccall(address(389), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_get_solution(mpcc, w, n) = ccall(address(390), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_get_constraints(mpcc, c, m) -> swb_status
@@ -7542,7 +7563,7 @@ Constraints at the point.
 @param[out] c [m] rows; NaN where the solve failed
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(390), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
+swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(391), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 
 """
     swb_mpcc_get_multipliers(mpcc, y, m, z, n) -> swb_status
@@ -7555,7 +7576,7 @@ Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_multipliers(mpcc, y, m, z, n) =
-    ccall(address(391), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
+    ccall(address(392), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
 
 """
     swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) -> swb_status
@@ -7570,7 +7591,7 @@ the pairs were added.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) =
-    ccall(address(392), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
+    ccall(address(393), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
         mpcc, g, h, nu, xi, n_pairs)
 
 """
@@ -7583,7 +7604,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
-    ccall(address(393), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(394), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
@@ -7595,7 +7616,7 @@ Work and time of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_stats(mpcc, stats, struct_size) =
-    ccall(address(394), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(395), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_set_int(mpcc, name, value) -> swb_status
@@ -7605,7 +7626,7 @@ Set an integer or enumeration option of a program (or a float one, to an integer
 @return as swb_settings_set_int
 """
 swb_mpcc_set_int(mpcc, name, value) =
-    ccall(address(395), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
+    ccall(address(396), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
 
 """
     swb_mpcc_set_double(mpcc, name, value) -> swb_status
@@ -7615,7 +7636,7 @@ Set a float option of a program by name.
 @return as swb_settings_set_double
 """
 swb_mpcc_set_double(mpcc, name, value) =
-    ccall(address(396), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
+    ccall(address(397), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
 
 """
     swb_mpcc_set_string(mpcc, name, value) -> swb_status
@@ -7625,7 +7646,7 @@ Set any option of a program by name from text: a number, or the value name of an
 @return as swb_settings_set_string
 """
 swb_mpcc_set_string(mpcc, name, value) =
-    ccall(address(397), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
+    ccall(address(398), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
 
 """
     swb_mpcc_set_settings(mpcc, settings) -> swb_status
@@ -7636,7 +7657,7 @@ Set all options of a program.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_mpcc_set_settings(mpcc, settings) =
-    ccall(address(398), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
+    ccall(address(399), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
 
 """
     swb_mpcc_get_settings(mpcc, settings, struct_size) -> swb_status
@@ -7648,7 +7669,7 @@ Options of a program, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_mpcc_get_settings(mpcc, settings, struct_size) =
-    ccall(address(399), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
+    ccall(address(400), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
 
 """
     swb_mpcc_set_iteration(mpcc, iteration, user_data) -> swb_status
@@ -7659,7 +7680,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_iteration(mpcc, iteration, user_data) =
-    ccall(address(400), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
+    ccall(address(401), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
 
 """
     swb_mpcc_set_log(mpcc, log, user_data) -> swb_status
@@ -7670,7 +7691,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_log(mpcc, log, user_data) =
-    ccall(address(401), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
+    ccall(address(402), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
 
 """
     swb_mpcc_interrupt(mpcc) -> swb_status
@@ -7682,14 +7703,14 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_mpcc_interrupt(mpcc) = ccall(address(402), swb_status, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_interrupt(mpcc) = ccall(address(403), swb_status, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_free(mpcc) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mpcc_free(mpcc) = ccall(address(403), Cvoid, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_free(mpcc) = ccall(address(404), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) -> swb_status
@@ -7709,7 +7730,7 @@ that were set since the solve are not used.
         not those of the functions; SWB_ERR_NONFINITE if a function has no value next to the parameters; SWB_ERR_USER
 """
 swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) =
-    ccall(address(404), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
+    ccall(address(405), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
         mpcc, x, n_x, objective, n_objective, sides, n_sides)
 
 """
@@ -7727,7 +7748,7 @@ differentiable, and one for each where it is not.
 @return as swb_mpcc_get_tangents; SWB_ERR_RANGE if a weight is not finite
 """
 swb_mpcc_vjp(mpcc, x, n_x, objective, p, n_p, sides, n_sides) =
-    ccall(address(405), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
+    ccall(address(406), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
         Int64), mpcc, x, n_x, objective, p, n_p, sides, n_sides)
 
 """
@@ -7735,21 +7756,21 @@ swb_mpcc_vjp(mpcc, x, n_x, objective, p, n_p, sides, n_sides) =
 
 Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Static.
 """
-swb_stationarity_name(stationarity) = ccall(address(406), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(407), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
 
 Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
-swb_doubt_name(doubt) = ccall(address(407), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(408), Cstring, (Int32,), doubt)
 
 """
     swb_second_order_name(second_order) -> Cstring
 
 Name of an enum swb_second_order, such as \"saddle\"; NULL for any other number. Static.
 """
-swb_second_order_name(second_order) = ccall(address(408), Cstring, (Int32,), second_order)
+swb_second_order_name(second_order) = ccall(address(409), Cstring, (Int32,), second_order)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -7762,7 +7783,7 @@ Name a variable, a constraint, a pair or a box: reports and messages of the log 
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(409), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(410), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -7775,7 +7796,7 @@ Name all variables, constraints, pairs or boxes.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(410), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(411), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -7789,7 +7810,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(411), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(412), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -7806,7 +7827,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(412), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(413), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -7830,7 +7851,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(413), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(414), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -7843,7 +7864,7 @@ Knowledge of the point of the last solve: type of stationarity, B-stationarity.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(414), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(415), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -7856,7 +7877,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(415), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(416), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -7868,7 +7889,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(416), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(417), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -7880,7 +7901,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(417), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(418), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -7892,6 +7913,6 @@ Report on the last solve for people: a table with the worst violations and what 
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(418), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(419), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

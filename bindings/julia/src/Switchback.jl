@@ -47,7 +47,7 @@ export Model, derivatives!, try_at!, counts, report, c_code, between_ends, exter
 export discrete!, transition!, stop_at!, note!, t_events, u_events, hysteresis!, choice!, Automaton, edge!, is_in, choose, intervals
 export Scene, Projected, SceneContact, rates!, inertia!, force!, state_rates!, contact!, friction!, constraint!, impact_law!, contact_mode, contact_force
 export simulate_steps, Stepper, Steps, impulses
-export System, ModelFunction, set_f0!, add_subsystem!, add_subsystem_indicators!, add_inclusion!, set_algebraic!, surfaces,
+export System, ModelFunction, set_f0!, add_subsystem!, add_subsystem_indicators!, add_inclusion!, set_algebraic!, add_complementarity!, surfaces,
     affine, casadi_function, jacobian_at, hessian_at, check_derivatives
 export simulate, simulate_batch, simulate_fesd, Solution, Batch, Integrator, Simulator, Trajectory, FesdSolution, reinit!, step!,
     advance!, run!, clear!, set_state!, set_controls!, set_params!, set_stop_times!, set_tolerances!, set_preferred!, on_step!,

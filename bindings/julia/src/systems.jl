@@ -135,7 +135,7 @@ end
 
 Make the last `n` states algebraic: what f0 and modes add to their rows, and `g`, adds up to zero. Their initial values are
 guesses where the smooth equations determine them. `simulate` takes equations of index 1: they are solved where a run begins, behind
-every event, and at every point of a result.
+every event, and at every point of a result. Modes may switch inside of them, and surfaces be held there.
 """
 function set_algebraic!(s::System, n, g = nothing)
     count_ = integer(n, "n")
@@ -147,6 +147,24 @@ function set_algebraic!(s::System, n, g = nothing)
         took!(s, f)
     end
     return s
+end
+
+"""
+    add_complementarity!(system, b; rows, a = nothing)
+
+Add `0 ≤ a ⊥ b ≥ 0` to the equations of the algebraic states `rows`: of every pair one is zero, and the other one is not negative. Without
+`a` it is the states themselves. Returns the number of the first of the subsystems, one for each pair with the modes `a = 0` and `b = 0`.
+"""
+function add_complementarity!(s::System, b; rows, a = nothing)
+    chosen = rows_of(s, rows)
+    g = function_of(b, sizes(s), length(chosen), "b")
+    f = a === nothing ? nothing : function_of(a, sizes(s), length(chosen), "a")
+    number = Ref{Int64}()
+    first_ = f === nothing ? C_NULL : f
+    guarded(() -> Lib.swb_system_add_complementarity(s, chosen, length(chosen), first_, g, number))
+    took!(s, g)
+    f === nothing || took!(s, f)
+    return Int(number[]) + 1
 end
 
 """

@@ -162,6 +162,14 @@ end
     @test successful(r)
     @test r.u[end] ≈ [exp(-1), exp(-1)] rtol = 1e-6
     @test occursin("with functions of Julia", string(s))
+    # 0 ≤ z ⊥ z + x - sin t ≥ 0, x' = z - x: a diode with a resistance
+    s = System(2; f0 = x -> (x[2] - x[1], 0.0))
+    set_algebraic!(s, 1)
+    @test add_complementarity!(s, x -> x[2] + x[1] - 0.5; rows = [2]) == 1
+    r = simulate(s, [0.0, 0.0], 1.0)
+    @test successful(r)
+    @test r.u[end] ≈ [0.25 * (1 - exp(-2)), 0.25 * (1 + exp(-2))] rtol = 1e-6
+    @test_throws SwitchbackError add_complementarity!(s, x -> x[1]; rows = [1])
 end
 
 @testset "finite elements" begin

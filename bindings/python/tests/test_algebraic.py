@@ -575,14 +575,29 @@ def test_what_is_refused():
         swb.simulate(broken, [0.0, 1.0], 2.0)
 
 
-def test_relays_that_would_slide_end_in_words():
-    # z = sign(x), x' = 0.3 - z: nothing slides where a mode switches inside of an equation
+def test_relays_slide_through_an_equation():
+    # z = sign(x), x' = 0.3 - z: from 1 / 0.7 on z is 0.3
     m = swb.Model(states="a c")
     m.derivatives = [0.3 - m.c, m.c - swb.sign(m.a)]
     s = m.system()
     s.set_algebraic(1)
-    run = swb.simulate(s, [1.0, 1.0], 5.0)
+    run = swb.simulate(s, [1.0, 1.0], 5.0, sensitivity=True)
+    (begins,) = run.switches
+    assert run.success and begins.t == pytest.approx(1 / 0.7, abs=1e-12)
+    assert begins.kind == swb.EventKind.ENTER and list(begins.after) == [0, 1]
+    assert run.x_end == pytest.approx([0, 0.3], abs=1e-12) and not run.dx_dx0.any()
+    assert np.allclose(run(np.linspace(1.5, 5, 9)), [0, 0.3], rtol=0, atol=1e-12)
+
+
+def test_relays_that_do_not_slide_end_in_words():
+    # the relay acts on a state that the relay's own algebraic state only follows
+    m = swb.Model(states="a b c")
+    m.derivatives = [0.3 - m.c, m.b - m.a, m.c - swb.sign(m.b)]
+    s = m.system()
+    s.set_algebraic(2)
+    run = swb.simulate(s, [1.0, 1.0, 1.0], 5.0)
     assert not run.success and run.t_end == pytest.approx(1 / 0.7, abs=1e-6)
+    assert "no weights of two of them hold the surface" in run.reason
 
 
 ALL = {
@@ -691,3 +706,173 @@ def test_linear_complementarity_systems(seed):
     size = max(1, np.abs(run.y[:n]).max())
     assert np.allclose(run.x_end[:n], exact, rtol=0, atol=1e-6 * size)
     assert np.allclose(run.x_end[n:], multipliers(3.0, exact), rtol=0, atol=1e-5 * size)
+
+
+def held(g, q):
+    """The solution z, and the relays w, of z + g w = q with w in Sign z, by trial of all signs and of what is held."""
+    for signs in itertools.product([-1, 0, 1], repeat=len(q)):
+        on = np.array(signs)
+        h, w = on == 0, on.astype(float)
+        if h.any():
+            w[h] = np.linalg.solve(g[np.ix_(h, h)], q[h] - g[np.ix_(h, ~h)] @ w[~h])
+        z = np.where(h, 0, q - g @ w)
+        if (np.abs(w) <= 1 + 1e-9).all() and (z * on >= -1e-9).all():
+            return z, w
+    raise AssertionError("no signs fit")
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 5, 6, 7, 11])
+def test_relays_inside_of_their_own_equations(seed):
+    """z + G sign(z) = C x + f sin 3t, and the relays act on x too: where no signs solve that, some z are held at zero. SciPy sees the kinks as they
+    come."""
+    r = np.random.default_rng(seed)
+    n, k = int(r.integers(1, 4)), int(r.integers(1, 4))
+    m = r.normal(size=(k, k))
+    g = [m @ m.T + 0.3 * np.eye(k), 0.4 * np.eye(k) + 0.5 * (m - m.T)][seed % 2]
+    a, b, c = r.normal(size=(n, n)) - 3 * np.eye(n), 0.5 * r.normal(size=(n, k)), r.normal(size=(k, n))
+    e, f, s, x0 = r.normal(size=n), 2 * r.normal(size=k), 0.5 * r.normal(size=(n, k)), r.normal(size=n)
+
+    model = swb.Model(states=[f"x{i}" for i in range(n)] + [f"z{i}" for i in range(k)])
+    x, z, u = model.x[:n], model.x[n:], swb.sin(3 * model.t)
+    signs = np.array([swb.sign(v) for v in z])
+    rates = a @ np.array(x) + b @ np.array(z) + e * u + s @ signs
+    model.derivatives = [*rates, *(np.array(z) + g @ signs - c @ np.array(x) - f * u)]
+    system = model.system()
+    system.set_algebraic(k)
+    run = swb.simulate(system, [*x0, *np.zeros(k)], 4.0, rtol=1e-8, atol=1e-10)
+    assert run.success, run.reason
+    assert any(len(switch.after) == 2 for switch in run.switches)
+
+    def rhs(t, x):
+        z, w = held(g, c @ x + f * np.sin(3 * t))
+        return a @ x + b @ z + e * np.sin(3 * t) + s @ w
+
+    exact = scipy.integrate.solve_ivp(rhs, (0, 4), x0, method="DOP853", rtol=1e-9, atol=1e-11, max_step=0.03).y[:, -1]
+    size = max(1, np.abs(run.y).max())
+    assert np.allclose(run.x_end[:n], exact, rtol=0, atol=2e-6 * size)
+    assert np.allclose(run.x_end[n:], held(g, c @ exact + f * np.sin(12.0))[0], rtol=0, atol=2e-6 * size)
+
+
+@pytest.mark.parametrize("name", ["forward", "adjoint"])
+def test_derivatives_of_what_is_held(name):
+    """By the initial state, next to differences, through entries and exits of both kinds of surfaces."""
+    m = swb.Model(states="a b z w", parameters="level share")
+    through = swb.sign(m.b + 0.1 * m.a**2)
+    m.derivatives = [
+        2 * swb.sin(2 * m.t) - 0.5 * m.a + 0.2 * m.z,
+        0.5 * swb.cos(m.t + 1) + 0.3 * m.a - m.w - 0.1 * m.w**2,
+        m.z + 0.3 * m.z**3 + m.level * swb.sign(m.z) - m.a,
+        m.w + 0.1 * m.w**3 - (1.2 + 0.1 * m.w) * through - m.share * m.a,
+    ]
+    s = m.system()
+    s.set_algebraic(2)
+    how = {"rtol": 1e-12, "atol": 1e-13}
+
+    def end(x0, p):
+        return swb.simulate(s, x0, 3.7, p=p, **how).x_end
+
+    x0, p = np.array([-0.4, 0.3, 0.1, 0.1]), np.array([0.6, 0.2])
+    with swb.Integrator(s, adjoint=True, sensitivity=True, **how) as i:
+        i.set_params(p)
+        i.reinit(x0)
+        i.advance(3.7)
+        assert {w.subsystem for w in i.run.switches if w.kind == swb.EventKind.ENTER} == {0, 1}
+        if name == "forward":
+            by_x, by_p = i.run.dx_dx0, i.run.dx_dp
+        else:
+            rows = [i.adjoint(np.eye(4)[k]) for k in range(4)]
+            by_x, by_p = np.array([r.x0 for r in rows]), np.array([r.p for r in rows])
+    h = 1e-4
+    for c in range(2):
+        e = h * np.eye(4)[c]
+        d = (end(x0 - 2 * e, p) - 8 * end(x0 - e, p) + 8 * end(x0 + e, p) - end(x0 + 2 * e, p)) / (12 * h)
+        assert np.allclose(by_x[:, c], d, rtol=2e-7, atol=3e-8)
+        e = h * np.eye(2)[c]
+        d = (end(x0, p - 2 * e) - 8 * end(x0, p - e) + 8 * end(x0, p + e) - end(x0, p + 2 * e)) / (12 * h)
+        assert np.allclose(by_p[:, c], d, rtol=2e-7, atol=3e-8)
+
+
+def test_complementarity_systems_from_matrices():
+    """A rectifier with two diodes, next to the solution in closed form of its phases: C v' = i + j - v / R, 0 ≤ i ⊥ v + r i - e ≥ 0."""
+    c, r, load = 0.02, 0.5, 10.0
+    s = swb.System.linear_complementarity(
+        [[-1 / (load * c)]], [[1 / c, 1 / c]], [[1], [1]], [[r, 0], [0, r]], [[0, 0]], [[-1, 0], [1, 0]]
+    )
+    assert (s.nx, s.nu, s.n_subsystems) == (3, 1, 2)
+    # e = 5 charges through the first diode, e = 1 leaves the capacitor alone, e = -4 charges through the second one
+    u = [[5.0], [1.0], [-4.0]]
+    run = swb.simulate(s, [0, 0, 0], 0.06, u=u, rtol=1e-11, atol=1e-13)
+    rate = (1 / load + 1 / r) / c
+
+    def charge(v, e):
+        limit = e / r / (1 / load + 1 / r)
+        return limit + (v - limit) * np.exp(-rate * 0.02)
+
+    v = charge(0.0, 5.0)
+    assert run(0.02)[0] == pytest.approx(v, abs=1e-9)
+    v *= np.exp(-0.02 / (load * c))
+    # the second diode conducts from the time at which the voltage has come down to 4
+    wait = load * c * np.log(v / 4)
+    if wait > 0:
+        v = 4.0
+    limit = 4 / r / (1 / load + 1 / r)
+    v = limit + (v - limit) * np.exp(-rate * (0.02 - max(wait, 0)))
+    assert run.x_end == pytest.approx([v, 0, (4 - v) / r], abs=1e-8)
+
+
+def test_complementarity_of_functions():
+    # 0 ≤ i ⊥ v + exp(i) - 1 - e ≥ 0 in two ways: with the state, and with a function that is the state
+    def build(given):
+        s = swb.System(2, nu=1, f0=lambda x: [x[1] - x[0], 0.0])
+        s.set_algebraic(1)
+        a = (lambda x: x[1]) if given else None
+        s.add_complementarity(lambda x, u: x[0] + swb.exp(x[1]) - 1 - u[0], a=a)
+        return s
+
+    u = [[1.0], [-1.0], [0.5]]
+    one, other = (swb.simulate(build(k), [0, 0], 3.0, u=u, rtol=1e-10, atol=1e-12) for k in (False, True))
+    assert np.allclose(one.x_end, other.x_end, rtol=0, atol=1e-12)
+
+    def rhs(e):
+        return lambda t, x: np.log(np.maximum(1, 1 + e - x)) - x
+
+    x = np.array([0.0])
+    for (e,) in u:
+        x = scipy.integrate.solve_ivp(rhs(e), (0, 1), x, method="DOP853", rtol=1e-11, atol=1e-13, max_step=0.01).y[:, -1]
+    assert one.x_end[0] == pytest.approx(x[0], abs=1e-8)
+    assert one.x_end[1] == pytest.approx(np.log(max(1, 1.5 - x[0])), abs=1e-8)
+
+
+def test_what_complementarities_refuse():
+    s = swb.System(2, f0=lambda x: [x[1], 0.0])
+    with pytest.raises(swb.StateError, match="set_algebraic"):
+        s.add_complementarity(lambda x: x[1])
+    s.set_algebraic(1)
+    for wrong in ([0], [1, 1], [2], [-1], [], [0.5], [np.nan], "1", [[1]], list(range(9))):
+        with pytest.raises(swb.SwitchbackError):
+            s.add_complementarity(lambda x: [x[1]] * np.size(wrong), rows=wrong)
+    for b in (None, "b", object()):
+        with pytest.raises((swb.SwitchbackError, TypeError, ValueError)):
+            s.add_complementarity(b)
+    with pytest.raises(swb.SwitchbackError):
+        s.add_complementarity(lambda x: x[1], a=lambda x: [x[0], x[1]])
+    one = [[1.0]]
+    for wrong in (
+        (one, one, one, [[1.0, 0.0]]),
+        ([[1.0, 2.0]], one, one, one),
+        (one, [[1.0, 1.0]], one, one),
+        (one, one, [1.0], one),
+        (one, one, one, one, [[1.0]], [[1.0, 2.0]]),
+        (one, one, one, one, [1.0], one),
+        (one, one, one, one, [[]], [[]]),
+        ([[np.nan]], one, one, one),
+        (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), one),
+        ("a", one, one, one),
+        (None, one, one, one),
+    ):
+        with pytest.raises((swb.SwitchbackError, TypeError, ValueError)):
+            swb.System.linear_complementarity(*wrong)
+    # D is zero: the multiplier is not determined by an equation
+    s = swb.System.linear_complementarity(one, one, one, [[0.0]])
+    with pytest.raises(swb.SwitchbackError, match="index 1"):
+        swb.simulate(s, [1.0, 0.0], 1.0)

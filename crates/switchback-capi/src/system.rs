@@ -156,9 +156,10 @@ pub unsafe extern "C" fn swb_system_add_inclusion(
 /// instead of being a derivative. Functions see them among the states. Their initial values are guesses where the
 /// smooth equations determine them. Event-driven simulation takes equations of index 1: the matrix of their derivatives by
 /// the algebraic states is regular. They are solved where a run begins, behind every event and at every point of a result;
-/// a run that comes to a singular matrix ends there, and says so. Modes may switch inside of the equations as those of
-/// diodes and limiters do, where the algebraic states do not jump at a switch. States that transitions alone change, and
-/// that stand behind all others as those of a model do, are not counted: add transitions before.
+/// a run that comes to a singular matrix ends there, and says so. Modes may switch inside of the equations. Where neither of
+/// two modes goes on beyond the surface between them, it is held by a weight of both, as by a relay in its own loop.
+/// States that transitions alone change, and that stand behind all others as those of a model do, are not counted: add
+/// transitions before.
 ///
 /// @param[in] n_z fewer than nx; 0: none
 /// @param[in] g   n_z outputs; may be NULL if f0 and modes hold the equations
@@ -172,6 +173,35 @@ pub unsafe extern "C" fn swb_system_set_algebraic(
     setting(system, || unsafe {
         let g = if g.is_null() { None } else { Some(shared(g, "g")?) };
         handle::with_mut(system, |s| s.set_algebraic(size(n_z, "n_z")?, g))
+    })
+}
+
+/// Add complementarity conditions 0 <= a_k, b_k >= 0, a_k b_k = 0 to the equations of algebraic states: one of both is zero,
+/// and the other one is not negative, as current and voltage of an ideal diode. Linear complementarity systems have the
+/// algebraic states themselves as a, and b = C x + D z + F u. Each condition is a subsystem with the modes a_k = 0 and
+/// b_k = 0, in this order. Call swb_system_set_algebraic before.
+///
+/// @param[in]  rows  [n_rows] algebraic states, one for each condition
+/// @param[in]  a     n_rows outputs; may be NULL: the states in rows
+/// @param[in]  b     n_rows outputs
+/// @param[out] index number of the first subsystem; may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if rows repeat; SWB_ERR_STATE if a row is no
+///         algebraic state
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_add_complementarity(
+    system: *mut swb_system,
+    rows: *const i64,
+    n_rows: i64,
+    a: *const swb_function,
+    b: *const swb_function,
+    index: *mut i64,
+) -> swb_status {
+    setting(system, || unsafe {
+        let a = if a.is_null() { None } else { Some(shared(a, "a")?) };
+        let (rows, b) = (rows_of(rows, n_rows)?, shared(b, "b")?);
+        let k = handle::with_mut(system, |s| s.add_complementarity(&rows, a, b))?;
+        raw::write_optional(index, k as i64);
+        Ok(())
     })
 }
 

@@ -4,8 +4,9 @@
 //! states alone. Within a step the last `nz` places of the state keep the solution at its start, which is the guess for Newton's
 //! method; what leaves the engine has the solution at its own point.
 //!
-//! Subsystems that switch inside of the equations have their mode in a state behind those, which transitions change. Outside of the
-//! engine there are neither these states nor these transitions: they are switches of their subsystems.
+//! Subsystems that switch inside of the equations have their mode in a state behind those, which transitions change, and behind all of them the
+//! weight of a surface that is held, as a guess too. Outside of the engine there are neither these states nor these transitions: they are switches
+//! of their subsystems.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -17,7 +18,7 @@ use crate::event::adjoint::{Gradient, Term};
 use crate::event::path::Path;
 use crate::event::step::{derivative, horner, Poly, Step};
 use crate::event::{Kind, Outcome, Switch};
-use crate::func::{EvalResult, Point};
+use crate::func::{EvalError, EvalResult, Point};
 use crate::linalg::lu::Lu;
 use crate::system::{Algebraic, Elimination, Guess, SharedFunction, System};
 
@@ -44,9 +45,10 @@ pub(super) struct Follower {
     unknowns: SharedFunction,
     /// The algebraic states.
     z: Range<usize>,
-    /// States of the system, and modes behind them.
+    /// States of the system, modes behind them, and both with the weights behind those.
     nx: usize,
     n_modes: usize,
+    n_all: usize,
     /// Transitions of the system; those behind them change modes.
     n_transitions: usize,
     /// The numbers of subsystems that switch: of those in the equations, and of the others.
@@ -112,6 +114,7 @@ impl Follower {
             z: e.algebraic.states(),
             nx: e.algebraic.n_states(),
             n_modes: own.len(),
+            n_all: f.dims().x,
             n_transitions: system.transitions().len(),
             own_subsystems: numbers(true),
             other_subsystems: numbers(false),
@@ -165,8 +168,13 @@ impl Follower {
     fn with_own(&self, x: &[f64], others: Vec<Vec<usize>>) -> Vec<Vec<usize>> {
         let mut all = vec![Vec::new(); self.own_subsystems.len() + self.other_subsystems.len()];
         self.other_subsystems.iter().zip(others).for_each(|(k, modes)| all[*k] = modes);
-        self.own_subsystems.iter().zip(&x[self.nx..]).for_each(|(k, mode)| all[*k] = vec![*mode as usize]);
+        self.own_subsystems.iter().enumerate().for_each(|(i, k)| all[*k] = self.active(i, x));
         all
+    }
+
+    /// The active modes of a subsystem in the equations.
+    fn active(&self, k: usize, x: &[f64]) -> Vec<usize> {
+        self.equations.active(k, x[self.nx + k] as usize)
     }
 
     /// The algebraic states.
@@ -178,10 +186,10 @@ impl Follower {
         self.equations.complaint()
     }
 
-    /// Replaces the guess in `x` by the solution, NaN where there is none. `modes` are those of the subsystems in the equations, if they do not
-    /// stand behind the states.
+    /// Replaces the guess in `x` by the solution, NaN where there is none. `modes` are those of the subsystems in the equations with the weights
+    /// behind them, if they do not stand behind the states.
     pub(super) fn show(&self, t: f64, x: &mut [f64], modes: &[f64], u: &[f64], p: &[f64]) {
-        let solved = if x.len() == self.nx + self.n_modes {
+        let solved = if x.len() == self.n_all {
             self.equations.solve(t, x, u, p, Guess::Near)
         } else {
             let mut whole = x.to_vec();
@@ -255,7 +263,7 @@ impl Follower {
     }
 
     /// Derivatives of `v` times the algebraic states.
-    fn slope(&mut self, at: &Point, v: &[f64]) -> std::result::Result<Slope, crate::func::EvalError> {
+    fn slope(&mut self, at: &Point, v: &[f64]) -> std::result::Result<Slope, EvalError> {
         let f = &self.unknowns;
         let d = f.dims();
         f.jacobian(at, &mut self.jac, &mut self.work)?;
@@ -267,7 +275,7 @@ impl Follower {
     }
 
     /// How these derivatives change in a direction, given by states, controls, parameters and time.
-    fn bend(&mut self, at: &Point, v: &[f64], along: &[f64]) -> std::result::Result<Slope, crate::func::EvalError> {
+    fn bend(&mut self, at: &Point, v: &[f64], along: &[f64]) -> std::result::Result<Slope, EvalError> {
         let f = &self.unknowns;
         let d = f.dims();
         f.hessian(at, v, &mut self.hess, &mut self.work)?;
@@ -343,19 +351,42 @@ impl Engine {
         a.equations.solve(self.t, &mut self.x, &self.field.u, &self.field.p, Guess::Near)
     }
 
-    /// Those behind transition `guard`; where it gives them values, these are guesses.
+    /// Those behind transition `guard`; where it gives them values, these are guesses. Behind one that changes a mode in the equations a surface
+    /// may be held.
     pub(super) fn settle_reset(&mut self, guard: usize) -> EvalResult {
         let Some(a) = &self.algebraic else { return Ok(()) };
-        let reset = self.field.guards.all[guard].transition.reset.as_ref();
-        let given = reset.is_some_and(|r| r.rows.iter().any(|i| a.z.contains(i)));
+        let transition = &self.field.guards.all[guard].transition;
+        let given = transition.reset.as_ref().is_some_and(|r| r.rows.iter().any(|i| a.z.contains(i)));
         let x = &mut self.derivatives.reset.x;
+        if let (true, Some((state, before))) = (a.is_own(guard), transition.from.first()) {
+            let own = (state - a.nx, *before as usize);
+            return a.equations.solve_behind(own, self.t, x, &self.field.u, &self.field.p);
+        }
         let near = a.equations.solve(self.t, x, &self.field.u, &self.field.p, Guess::Jump);
         match near {
-            Err(crate::func::EvalError::Recoverable) if given => {
+            Err(EvalError::Recoverable) if given => {
                 a.equations.solve(self.t, x, &self.field.u, &self.field.p, Guess::Far)
             }
             r => r,
         }
+    }
+
+    /// Puts states onto the surfaces that are held inside of the equations at the end of a step. Says whether they have moved; velocity and
+    /// watched functions belong to the new state then.
+    pub(super) fn settle_held(&mut self) -> Result<bool> {
+        let Some(a) = self.algebraic.as_ref().filter(|a| a.settled && a.n_all > a.nx + a.n_modes) else {
+            return Ok(false);
+        };
+        let mut x = std::mem::take(&mut self.x);
+        let field = &self.field;
+        let data = (self.t, &field.u[..], &field.p[..]);
+        let moved = a.equations.settle_held(data, &mut x, &|i, v| field.size(i, v));
+        self.x = x;
+        if !recover(moved, false)? {
+            return Ok(false);
+        }
+        let known = self.field.rhs(self.t, &self.x, &mut self.f).and_then(|()| self.field.watched(self.t, &self.x));
+        recover(known.map(|()| true), false)
     }
 
     /// A call of [`Engine::step`] ends: what it shows has the solution at its point.
@@ -459,7 +490,7 @@ impl Engine {
     pub(super) fn own_modes(&self, subsystem: usize) -> std::result::Result<Vec<usize>, usize> {
         let Some(a) = &self.algebraic else { return Err(subsystem) };
         match a.own_subsystems.iter().position(|k| *k == subsystem) {
-            Some(k) if a.settled => Ok(vec![self.x[a.nx + k] as usize]),
+            Some(k) if a.settled => Ok(a.active(k, &self.x)),
             Some(_) => Ok(Vec::new()),
             None => Err(a.other_subsystems.iter().position(|k| *k == subsystem).unwrap_or(usize::MAX)),
         }
@@ -472,21 +503,43 @@ impl Engine {
         let k = a.own_subsystems[state - a.nx];
         Some(format!(
             "no mode of subsystem {k}, which switches inside of the algebraic equations, agrees with their solution under it: each leads to \
-             another. Nothing slides in an equation: give the state that switches a derivative, or simulate the system with finite elements"
+             another, and no weights of two of them hold the surface between. Give the state that switches a derivative, or simulate the system \
+             with finite elements"
         ))
+    }
+
+    /// The transition that stands for `guard`, which was made last: where a surface is held behind it, the one behind it.
+    pub(super) fn made_as(&self, guard: usize) -> usize {
+        let to = self.field.guards.all[guard].transition.to.first();
+        let is_other = |(state, value): &(usize, f64)| self.derivatives.reset.x[*state] != *value;
+        let own = self.algebraic.as_ref().is_some_and(|a| a.is_own(guard));
+        guard + usize::from(own && to.is_some_and(is_other))
+    }
+
+    /// Finds modes in the equations anew at the present point. Says whether there are any.
+    pub(super) fn find_modes(&mut self) -> std::result::Result<bool, EvalError> {
+        let Some(a) = &self.algebraic else { return Ok(false) };
+        let known = a.equations.find(self.t, &mut self.x, &self.field.u, &self.field.p, Guess::Jump)?;
+        self.field.arm(&self.x);
+        Ok(known)
     }
 
     /// Transition `guard` is made: what it is in the log. Nothing, if it is one of the system.
     pub(super) fn log_own(&mut self, guard: usize, rate: f64) -> bool {
         let Some(a) = self.algebraic.as_ref().filter(|a| a.is_own(guard)) else { return false };
         let t = &self.field.guards.all[guard].transition;
-        let (Some((state, before)), Some((_, after))) = (t.from.first(), t.to.first()) else { return true };
-        let (before, after) = (vec![*before as usize], vec![*after as usize]);
-        let subsystem = a.own_subsystems[state - a.nx];
+        let Some(k) = t.from.first().map(|(state, _)| state - a.nx) else { return true };
+        let (before, after) = (a.active(k, &self.x), a.active(k, &self.derivatives.reset.x));
+        let subsystem = a.own_subsystems[k];
+        let kind = match (before.len(), after.len()) {
+            (1, 2) => Kind::Enter,
+            (2, 1) => Kind::Leave,
+            _ => Kind::Cross,
+        };
         self.log.stats.switches += 1;
         if self.log.switches.len() < self.options.max_log {
             let (t, dt) = (self.t, self.shown_dt());
-            let (kind, simultaneous, transversality, unique) = (Kind::Cross, false, f64::NAN, true);
+            let (simultaneous, transversality, unique) = (false, f64::NAN, true);
             self.log.switches.push(Switch {
                 t,
                 kind,

@@ -247,7 +247,7 @@ impl Engine {
         }
         let (mut resets, mut chain, mut cascade) = (Vec::new(), Vec::new(), Cascade::default());
         let (mut next, mut rate, mut unique, mut made, mut owned) = (Some((guard, false)), rate, true, 0, 0);
-        let mut log = (self.log.switches.len(), start);
+        let (mut log, mut tried) = ((self.log.switches.len(), start), false);
         let length = self.usual_step();
         self.settle()?;
         while let Some((g, vanishes)) = next {
@@ -256,9 +256,21 @@ impl Engine {
                 self.unmade = true;
                 break;
             }
-            if let Some(text) = cascade.endless(g, &self.x).map(|text| self.endless_modes(g).unwrap_or(text)) {
-                self.fail(Outcome::NoContinuation, text);
-                return Ok(());
+            if let Some(text) = cascade.endless(g, &self.x) {
+                let modes = self.endless_modes(g);
+                // one after the other they come to no end: all modes are tried, once
+                if modes.is_none() || std::mem::replace(&mut tried, true) || !self.find_modes()? {
+                    self.fail(Outcome::NoContinuation, modes.unwrap_or(text));
+                    return Ok(());
+                }
+                (unique, cascade) = (false, Cascade::default());
+                unique &= self.locate(true, length)?;
+                if self.log.outcome != Outcome::Reached {
+                    return Ok(());
+                }
+                self.enter()?;
+                next = self.held()?;
+                continue;
             }
             made += 1;
             if vanishes && recorded {
@@ -278,7 +290,7 @@ impl Engine {
             }
             if self.derivatives.tape.is_some() {
                 resets.extend_from_slice(&self.derivatives.reset.jac);
-                chain.push(g);
+                chain.push(self.made_as(g));
             }
             let own = self.log_own(g, rate);
             owned += usize::from(own);

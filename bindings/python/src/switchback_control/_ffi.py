@@ -1229,6 +1229,7 @@ FUNCTIONS = {
     "swb_system_add_subsystem_indicators": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p]),
     "swb_system_add_inclusion": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_void_p]),
     "swb_system_set_algebraic": (c_int32, [c_void_p, c_int64, c_void_p]),
+    "swb_system_add_complementarity": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_void_p]),
     "swb_system_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_system_surfaces": (c_int32, [c_void_p, c_int64, POINTER(swb_point), c_void_p, c_int64, c_void_p]),
     "swb_system_free": (None, [c_void_p]),

@@ -31,6 +31,7 @@ class System(Handle):
     _contacts: tuple[tuple[str, int], ...] = ()  # of a scene: names of contacts and their numbers of tangents
     _scene: Any = None  # the scene it was made of
     _events: Sequence[str] = ()  # names of the transitions
+    _algebraic: Sequence[int] = ()  # states that equations determine
     _names: tuple[tuple[str, ...], ...]  # of states, controls and parameters: "" where one has none, () where none has
 
     def __init__(self, nx: int | str, nu: int | str = 0, np: int | str = 0, f0: Any = None):
@@ -177,14 +178,63 @@ class System(Handle):
         """Make the last `n_z` states algebraic: what f0 and modes add to their rows, and g, adds up to zero.
 
         Their initial values are guesses where the smooth equations determine them. `simulate` takes equations of index 1: they are
-        solved where a run begins, behind every event, and at every point of a result. Modes may switch inside of them where the algebraic states do
-        not jump, as diodes and limiters do. States that transitions alone change, and that stand behind all others as those of a `Model` do, are
-        not counted."""
+        solved where a run begins, behind every event, and at every point of a result. Modes may switch inside of them; where neither of two goes on
+        beyond the surface between them, a weight of both holds it, as with a relay in its own loop. States that transitions alone change, and that
+        stand behind all others as those of a `Model` do, are not counted."""
         count = index(n_z, "n_z")
         f = None if g is None else self._function(g, count, "g")
         self._do("set_algebraic", count, f)
+        last = self.nx - len(self._discrete)
+        self._algebraic = range(last - count, last)
         if f is not None:
             self._functions.append(f)
+
+    def add_complementarity(self, b: Any, *, rows: Sequence[int] | None = None, a: Any = None) -> int:
+        """Add 0 ≤ a ⊥ b ≥ 0 to the equations of the algebraic states `rows`, all of them if it is left out: of every pair one is zero, and the
+        other one is not negative, as current and voltage of an ideal diode.
+
+        Without `a` it is the states themselves. Each pair is a subsystem with the modes a = 0 and b = 0; the number of the first one is returned.
+        Call `set_algebraic` before. For matrices see `linear_complementarity`."""
+        if rows is None:
+            rows = self._algebraic or [0]  # which is none
+        chosen = self._rows(rows)
+        g = self._function(b, len(chosen), "b")
+        f = None if a is None else self._function(a, len(chosen), "a")
+        number = ctypes.c_int64()
+        self._do("add_complementarity", address(chosen), len(chosen), f, g, ctypes.byref(number))
+        first = self._added(number, *(h for h in (g, f) if h is not None))
+        self.n_subsystems = first + len(chosen)
+        return first
+
+    @classmethod
+    def linear_complementarity(cls, A: Any, B: Any, C: Any, D: Any, E: Any = None, F: Any = None) -> System:
+        """The linear complementarity system x' = A x + B λ + E (u, 1), 0 ≤ λ ⊥ C x + D λ + F (u, 1) ≥ 0.
+
+        `E` and `F` have a column for every control and a last one for constants; without them there are no controls. The states are x, then λ, whose
+        initial values are guesses. Simulation by events wants the parts of `D` that belong to pairs with λ > 0 to be regular; if all principal
+        minors of `D` are positive, λ is unique."""
+        a, b = real(A, "A"), real(B, "B")
+        c, d = real(C, "C"), real(D, "D")
+        if a.ndim != 2 or d.ndim != 2 or a.shape[0] != a.shape[1] or d.shape[0] != d.shape[1]:
+            raise DimensionError(f"A of shape {a.shape} and D of shape {d.shape} must be square matrices")
+        n, k = len(a), len(d)
+        if not (n and k) or b.shape != (n, k) or c.shape != (k, n):
+            raise DimensionError(f"B has shape {b.shape} and C has shape {c.shape}, expected {(n, k)} and {(k, n)}, neither of them empty")
+        e = numpy.zeros((n, 1)) if E is None else real(E, "E")
+        f = numpy.zeros((k, e.shape[-1])) if F is None else real(F, "F")
+        if E is None and f.ndim == 2:
+            e = numpy.zeros((n, f.shape[1]))
+        if e.ndim != 2 or not e.shape[1] or e.shape[0] != n or f.shape != (k, e.shape[1]):
+            raise DimensionError(
+                f"E has shape {e.shape} and F has shape {f.shape}: give {n} and {k} rows, and a column for every control and one for constants"
+            )
+        nu = e.shape[1] - 1
+        rate = numpy.hstack([numpy.vstack([a, numpy.zeros((k, n))]), numpy.vstack([b, numpy.zeros((k, k))]), numpy.vstack([e[:, :nu], numpy.zeros((k, nu))])])
+        constant = numpy.concatenate([e[:, nu], numpy.zeros(k)])
+        self = cls(n + k, nu, f0=Function.affine(constant, rate, nx=n + k, nu=nu, name="f0"))
+        self.set_algebraic(k)
+        self.add_complementarity(Function.affine(f[:, nu], numpy.hstack([c, d, f[:, :nu]]), nx=n + k, nu=nu, name="b"))
+        return self
 
     def add_transition(
         self,
