@@ -71,7 +71,8 @@ impl Combination {
     fn needed(&self, k: usize, rows: &Range<usize>) -> Range<usize> {
         let terms = self.rows[rows.start.min(self.rows.len())..rows.end.min(self.rows.len())].iter().flatten();
         let own = terms.filter(|t| t.0 == k).map(|t| t.1);
-        own.fold(usize::MAX..0, |r, o| r.start.min(o)..r.end.max(o + 1))
+        let (first, end) = own.fold((usize::MAX, 0), |(first, end), o| (first.min(o), end.max(o + 1)));
+        first.min(end)..end
     }
 }
 

@@ -113,7 +113,7 @@ impl Eliminated {
         let n_in = a.outer().n_in();
         let (jac, places) = Pattern::from_triplets(is_own.len(), n_in, &out_rows, &out_cols);
         direct.iter_mut().for_each(|d| d.1 = places[d.1]);
-        let bends = !a.affine && !(through.is_empty() && by_weight.is_none());
+        let bends = !(a.affine || through.is_empty() && by_weight.is_none());
         if by_weight.is_some() {
             // a weight multiplies the whole of an output
             touched.extend((0..p.n_cols()).filter(|c| !p.rows(*c).is_empty() && !z.contains(c)));

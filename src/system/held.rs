@@ -116,7 +116,11 @@ impl Algebraic {
                 f.value(at, &mut s.buffer[..f.n_out()], &mut s.work)?;
                 Ok(h.terms.iter().map(|(o, t)| t * s.buffer[*o]).sum())
             }
-            By::Rate => Ok(self.rate_of(s, k, &h.terms, at)?.0),
+            By::Rate => {
+                self.rates(s, at)?;
+                self.gradient(s, k, &h.terms, at)?;
+                Ok(s.gradient[s.gradient.len() - 1] + s.gradient.iter().zip(&s.rate).map(|(g, r)| g * r).sum::<f64>())
+            }
         }
     }
 
@@ -129,10 +133,53 @@ impl Algebraic {
         at: &Point,
     ) -> std::result::Result<(f64, f64), EvalError> {
         self.rates(s, at)?;
+        let sizes = self.sizes_of_rates_at(s, at)?;
         self.gradient(s, k, terms, at)?;
         let by_time = s.gradient[s.gradient.len() - 1];
-        let products = s.gradient.iter().zip(&s.rate).map(|(g, r)| g * r);
-        Ok(products.fold((by_time, by_time.abs()), |(sum, size), v| (sum + v, size + v.abs())))
+        let rate = s.gradient.iter().zip(&s.rate).map(|(g, r)| g * r).sum::<f64>();
+        let size = s.gradient.iter().zip(&sizes).map(|(g, r)| g.abs() * r).sum::<f64>();
+        Ok((by_time + rate, by_time.abs() + size))
+    }
+
+    /// What derivatives of the states are sums of: of their values, and of all that they depend on.
+    fn sizes_of_rates_at(&self, s: &mut Solver, at: &Point) -> std::result::Result<Vec<f64>, EvalError> {
+        let mut sizes = vec![0.0; self.dims.x];
+        let inputs: Vec<f64> = [at.x, at.u, at.p, &[at.t]].concat();
+        for flow in &self.flows {
+            let (taken, n) = flow.switched.map_or(([(0, 1.0, 0.0); 2], 1), |(k, _)| self.taken(s, k));
+            let p = flow.f.jac_pattern();
+            for (mode, weight, _) in &taken[..n] {
+                let by = flow.switched.map_or(0, |(_, n)| mode * n);
+                flow.f.value(at, &mut s.buffer[..flow.f.n_out()], &mut s.work)?;
+                flow.rows.iter().for_each(|(o, r)| sizes[*r] += (weight * s.buffer[by + o]).abs());
+                flow.f.jacobian(at, &mut s.buffer[..p.nnz()], &mut s.work)?;
+                for ((_, entries), v) in p.columns().zip(&inputs) {
+                    for e in entries {
+                        if let Some((_, r)) = flow.rows.iter().find(|r| by + r.0 == p.row_idx()[e]) {
+                            sizes[*r] += (weight * s.buffer[e] * v).abs();
+                        }
+                    }
+                }
+            }
+        }
+        Ok(sizes)
+    }
+
+    /// What derivatives of the states are known to at a point where the equations are solved, where surfaces may be held: weights make sums vanish.
+    pub(crate) fn noise_of_rates(
+        &self,
+        t: f64,
+        x: &[f64],
+        u: &[f64],
+        p: &[f64],
+    ) -> std::result::Result<Vec<f64>, EvalError> {
+        let mut s = self.lock();
+        self.settle(&mut s, &Point { t, x, u, p })?;
+        let full = s.full.clone();
+        let (states, weights) = full.split_at(self.dims.x);
+        s.w.copy_from_slice(weights);
+        let sizes = self.sizes_of_rates_at(&mut s, &Point { t, x: states, u, p })?;
+        Ok(sizes.into_iter().map(|v| NO_RATE * f64::EPSILON * v).collect())
     }
 
     /// Derivatives of that equation by all inputs, and by the weights behind them, to `s.row`.
@@ -457,8 +504,7 @@ pub(super) fn are_one(s: &Subsystem, psi: &SharedFunction, terms: &[(usize, f64)
                 None => return false,
                 Some(c) => {
                     let off = (b - a - *c * sum).abs();
-                    // NaN is not the same
-                    if !(off <= SAME * (a.abs() + b.abs())) {
+                    if off.is_nan() || off > SAME * (a.abs() + b.abs()) {
                         return false;
                     }
                 }

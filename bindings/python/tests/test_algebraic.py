@@ -1,4 +1,4 @@
-"""Algebraic equations of index 1: twenty hybrid systems next to SciPy and Newton's method, with the logic written by hand."""
+"""Algebraic equations of index 1: hybrid systems next to SciPy and Newton's method, with the logic written by hand."""
 
 import itertools
 
@@ -507,6 +507,49 @@ def battery():
     return Problem(s, Hand(1, 1, {"on": f(True), "off": f(False)}, exits), [0.2], [1.0], 9.0, "on")
 
 
+def loop():
+    """A relay inside of its own loop: z + 2 sign z = 3 a. Where neither sign solves that, z is held at zero with the relay at 3 a / 2."""
+
+    def f(relay):
+        equation = lambda a, z: z if relay is None else z + 2 * relay - 3 * a  # noqa: E731
+        return lambda o, x, z, t: ([2 * o.cos(2 * t) - z[0]], [equation(x[0], z[0])])
+
+    m = swb.Model(states="a z")
+    m.derivatives = [2 * swb.cos(2 * m.t) - m.z, m.z + 2 * swb.sign(m.z) - 3 * m.a]
+    s = m.system()
+    s.set_algebraic(1)
+    exits = {
+        "up": [(lambda o, x, z, t: -z[0], "held", None)],
+        "held": [(lambda o, x, z, t: 1.5 * x[0] - 1, "up", None), (lambda o, x, z, t: -1.5 * x[0] - 1, "down", None)],
+        "down": [(lambda o, x, z, t: z[0], "held", None)],
+    }
+    hand = Hand(1, 1, {"up": f(1), "held": f(None), "down": f(-1)}, exits)
+    return Problem(s, hand, [1.0], [1.0], 6.3, "up")
+
+
+def feedback():
+    """A relay on a state that it reaches through an equation: it slides with the relay at what keeps the state."""
+
+    def f(relay):
+        equation = lambda y, z: z - 1.5 * y - 0.1 if relay is None else z + 0.3 * y + 0.1 * z**3 - relay  # noqa: E731
+        return lambda o, x, z, t: ([1.5 * x[1] + 0.1 - z[0], o.cos(t)], [equation(x[1], z[0])])
+
+    def weight(o, x, z, t):
+        return z[0] + 0.3 * x[1] + 0.1 * z[0] ** 3
+
+    m = swb.Model(states="a b z")
+    m.derivatives = [1.5 * m.b + 0.1 - m.z, swb.cos(m.t), m.z + 0.3 * m.b + 0.1 * m.z**3 - swb.sign(m.a)]
+    s = m.system()
+    s.set_algebraic(1)
+    exits = {
+        "up": [(lambda o, x, z, t: -x[0], "slide", None)],
+        "slide": [(lambda o, x, z, t: weight(o, x, z, t) - 1, "up", None), (lambda o, x, z, t: -weight(o, x, z, t) - 1, "down", None)],
+        "down": [(lambda o, x, z, t: x[0], "slide", None)],
+    }
+    hand = Hand(2, 1, {"up": f(1), "slide": f(None), "down": f(-1)}, exits)
+    return Problem(s, hand, [0.3, 0.1], [1.0], 9.0, "up")
+
+
 def simple():
     """x' = u - p z, z + z³ = x + x³: z is x."""
     m = swb.Model(states="level flow", controls="inflow", parameters="gain")
@@ -621,6 +664,8 @@ ALL = {
     "inverter": inverter,
     "freewheel": freewheel,
     "battery": battery,
+    "loop": loop,
+    "feedback": feedback,
 }
 
 

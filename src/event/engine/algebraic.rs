@@ -17,6 +17,7 @@ use crate::event::adjoint::along::Along;
 use crate::event::adjoint::{Gradient, Term};
 use crate::event::path::Path;
 use crate::event::step::{derivative, horner, Poly, Step};
+use crate::event::watch::Watch;
 use crate::event::{Kind, Outcome, Switch};
 use crate::func::{EvalError, EvalResult, Point};
 use crate::linalg::lu::Lu;
@@ -514,6 +515,19 @@ impl Engine {
         let is_other = |(state, value): &(usize, f64)| self.derivatives.reset.x[*state] != *value;
         let own = self.algebraic.as_ref().is_some_and(|a| a.is_own(guard));
         guard + usize::from(own && to.is_some_and(is_other))
+    }
+
+    /// What rounding makes of the rate of a guard where surfaces may be held inside of the equations.
+    pub(super) fn noise_of_held(&self, w: &Watch) -> std::result::Result<f64, EvalError> {
+        let Some(a) = self.algebraic.as_ref().filter(|a| a.n_all > a.nx + a.n_modes) else { return Ok(0.0) };
+        let Some(place) = w.place() else { return Ok(0.0) };
+        let known = a.equations.noise_of_rates(self.t, &self.x, &self.field.u, &self.field.p);
+        let noise = match known {
+            Err(EvalError::Recoverable) => return Ok(0.0),
+            r => r?,
+        };
+        let gradient = self.field.gradients.row(&self.functions.dq0, place);
+        Ok(gradient.states().filter(|g| g.0 < noise.len()).map(|(i, g)| g.abs() * noise[i]).sum())
     }
 
     /// Finds modes in the equations anew at the present point. Says whether there are any.

@@ -456,13 +456,14 @@ impl Engine {
 
     /// What rounding makes of the rate of a guard where modes slide. What they tie is zero to the rounding of the states in it, and of what they
     /// are pulled by on both sides in a step. The rate of a guard that depends on it is known to no more than that: a body that friction
-    /// holds has a velocity of `1e-17`, and does not go anywhere.
+    /// holds has a velocity of `1e-17`, and does not go anywhere. Weights in equations are known to rounding of what they balance.
     pub(super) fn rate_noise(&mut self, w: &Watch) -> std::result::Result<f64, EvalError> {
         /// Roundings that are seen, and by how many of them states are moved to see what they do.
         const SEEN: f64 = 64.0;
         const FAR: f64 = 1e7;
+        let held = self.noise_of_held(w)?;
         if self.field.n_alg() == 0 || self.field.has_contacts() || self.field.in_limit_set() {
-            return Ok(0.0);
+            return Ok(held);
         }
         let mut there = std::mem::take(&mut self.stepper.node);
         let mut velocity = std::mem::take(&mut self.stepper.step.f);
@@ -492,8 +493,8 @@ impl Engine {
         self.stepper.node = there;
         self.stepper.step.f = velocity;
         match known {
-            Ok(()) if change.is_finite() => Ok(SEEN / FAR * change.abs()),
-            Ok(()) | Err(EvalError::Recoverable) => Ok(0.0),
+            Ok(()) if change.is_finite() => Ok(held.max(SEEN / FAR * change.abs())),
+            Ok(()) | Err(EvalError::Recoverable) => Ok(held),
             Err(e) => Err(e),
         }
     }
