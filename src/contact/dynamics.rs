@@ -783,7 +783,11 @@ impl Dynamics {
             self.lambda.clear();
             for r in &self.rows {
                 let b = &self.blocks[r.contact];
-                self.lambda.push(if r.component == 0 { -b.gap[0] } else { 0.0 });
+                self.lambda.push(match r.component {
+                    0 => -b.gap[0],
+                    k if self.mechanics.order == Order::First => -b.sliding[k - 1],
+                    _ => 0.0,
+                });
             }
             self.held.solve(&mut self.lambda);
             if self.is_first_order() {

@@ -516,7 +516,8 @@ impl Builder<'_> {
         let n_switches = switches.len();
         contacts.append(&mut switches);
         let inertia = self.inertia()?;
-        let projection = self.projection(&force)?;
+        // elements take no flow that switches
+        let projection = if n_switches > 0 { None } else { self.projection(&force)? };
         let bounds = if dropped.is_empty() { Vec::new() } else { s.bounds.clone() };
         let mechanics = Mechanics {
             order: s.order,
@@ -549,9 +550,6 @@ impl Builder<'_> {
 
     /// Refuses conditions, and what switches where switches are not for.
     fn check_value(&self, what: &str, id: Id) -> Result<()> {
-        if self.scene.order == Order::First {
-            return self.check_smooth(what, id);
-        }
         if self.dag.is_condition(id) {
             return Err(Error::Range(format!("{what} is a condition: choose values with where")));
         }
@@ -570,8 +568,8 @@ impl Builder<'_> {
         }
         match self.dag.switches_of(&[id]).first().and_then(|&s| self.dag.switching_function(s)) {
             Some(psi) => Err(Error::Unsupported(format!(
-                "{what} switches where {} vanishes: only forces and the rates of further states of a mechanical scene may; what \
-                 pushes on one side only is a contact, dry friction is the friction of one",
+                "{what} switches where {} vanishes: only forces and the rates of further states may, and the flow of a projected \
+                 system; what pushes on one side only is a contact, dry friction is the friction of one",
                 self.text(psi)
             ))),
             None => Ok(()),

@@ -16,7 +16,7 @@ use super::{Builder, Built, Scene};
 use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, Id};
 use crate::func::Dims;
-use crate::system::{Contact, Kind, Order, SharedFunction};
+use crate::system::{Contact, Kind, SharedFunction};
 
 /// Forces and rates of further states with their switches.
 pub(super) struct Switching {
@@ -64,7 +64,7 @@ impl Builder<'_> {
         let known = |h: &Option<Id>| *h;
         let mut rhs = force.to_vec();
         rhs.extend(s.states.iter().filter_map(known));
-        if self.dag.switches_of(&rhs).is_empty() || s.order == Order::First {
+        if self.dag.switches_of(&rhs).is_empty() {
             return Ok(None);
         }
         rhs.truncate(force.len());

@@ -404,6 +404,7 @@ impl System {
         let Some(m) = self.mechanics.as_ref().filter(|m| m.order == Order::First) else {
             return Ok(Cow::Borrowed(self));
         };
+        m.check_contacts("finite elements")?;
         let Some(p) = &m.projection else {
             return Err(Error::Unsupported(
                 "finite elements need second derivatives of a projected system: make it of expressions".into(),

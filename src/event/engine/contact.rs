@@ -888,7 +888,8 @@ impl Engine {
                 c.dynamics.load_contact(at, i)?;
                 let hardly = *unseen == Some(i) || *merges && c.hardly_opens(i, at, (rtol, atol), (row, n_z))?;
                 let b = c.dynamics.block(i);
-                if c.dynamics.is_first_order() || c.dynamics.mechanics.contacts[i].kind == Kind::Bilateral {
+                let pushes = c.dynamics.is_first_order() && !c.dynamics.is_joint(i);
+                if pushes || c.dynamics.mechanics.contacts[i].kind == Kind::Bilateral {
                     out.push(Closed { contact: i, rests: true });
                     continue;
                 }

@@ -447,7 +447,7 @@ class Projected(_ContactSystem):
         self._begin(lib.swb_scene_create_projected, [len(n) for n in self.names], len(self.names[0]), *self.names[1:])
 
     def f(self, values: Any) -> None:
-        """Set the derivatives of the states without constraints, one for each, smooth expressions."""
+        """Set the derivatives of the states without constraints, one for each. They may switch, for simulation by events."""
         self._set("set_force", values, (self.nx,), "f")
 
     def constraint(self, name: str, c: Any) -> SceneContact:
