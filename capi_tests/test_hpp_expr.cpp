@@ -280,6 +280,20 @@ static void joints() {
     falls.advance(2.0);
     CHECK(near(falls.state()[0], 4.0 * 0.7 - 5.0 * 0.49, 1e-8) && falls.state()[2] == 0.0);
 
+    // a controller that holds what it samples, and pulses
+    swb::Scene sampled("x y");
+    const swb::Expr kept = sampled.discrete("kept"), pulse = sampled.pwm(sampled.constant(0.25), 0.4, 0.0, "pulse");
+    sampled.force({-kept, pulse});
+    const swb::Expr count = sampled.every(0.5, {{kept, sampled.v(0)}});
+    const swb::System clocked = sampled.system();
+    swb::Integrator strikes(clocked, settings);
+    strikes.reinit(0.0, {0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0});
+    strikes.advance(1.25);
+    CHECK(near(strikes.state()[2], 0.1875, 1e-12) && near(strikes.state()[3], 0.35, 1e-12) && strikes.state()[7] == 3.0);
+    CHECK(status_of([&] { sampled.every(-0.5, {{kept, sampled.v(0)}}); }) == SWB_ERR_RANGE);
+    CHECK(status_of([&] { sampled.every(0.5, {{motor.state(0), sampled.v(0)}}); }) == SWB_ERR_RANGE);
+    CHECK(status_of([&] { sampled.pwm(sampled.constant(1.5), 0.4); }) == SWB_ERR_RANGE);
+
     swb::Scene block("x y");
     block.force({block.t(), block.constant(-1.0)});
     const int64_t floor = block.contact("floor", block.q(1), {block.q(0)}, 0.3);

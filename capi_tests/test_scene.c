@@ -653,11 +653,85 @@ static void jumps(void)
     swb_expr_free(graph);
 }
 
+/* A controller of a body that samples its velocity, kicks at two times, and pulses that push another one. */
+static void clocks(void)
+{
+    const double start[10] = {0.0, 0.0, 1.0, 0.0}, numbers[2] = {0.25, 1.5}, times[2] = {0.2, 0.7}, back[2] = {0.7, 0.2}, one = 1.0;
+    int64_t x[10], c[2], force[2], kicked, state = -1, index = -1, kept = 4, pulse = 5, kick = 3, strikes = 6, pulses = 7, kicks = 8;
+    double end[10];
+    int32_t outcome;
+    swb_expr *graph = NULL, *other = NULL;
+    swb_scene *scene = NULL, *projected = NULL;
+    swb_system *system = NULL;
+    swb_integrator *integrator = NULL;
+    int k;
+    CHECK_OK(swb_expr_create(&graph));
+    CHECK_OK(swb_expr_create(&other));
+    CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 10));
+    CHECK_OK(swb_expr_constants(graph, numbers, 2, c, 2));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_NEG, &x[4], NULL, NULL, &force[0], 1));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_ADD, &x[3], &c[1], NULL, &kicked, 1));
+    force[1] = x[5];
+    CHECK_OK(swb_scene_create("sampled", 2, 2, 0, 0, NULL, &scene));
+    for (k = 0; k < 5; k++)
+        CHECK_OK(swb_scene_add_discrete(scene, NULL, 0.0, &state));
+    CHECK(state == 8);
+    CHECK_OK(swb_scene_set_force(scene, graph, force, 2));
+#define CLOCK(scene, graph, period, offset, count)                                                                                \
+    swb_scene_add_clock(scene, graph, period, offset, count, &kept, 1, &x[2], 1, NULL, 0, NULL, 0, &index)
+#define TIMES(t, n, count) swb_scene_add_times(scene, graph, t, n, count, &kick, 1, &kicked, 1, NULL, 0, NULL, 0, &index)
+    REFUSED(SWB_ERR_RANGE, CLOCK(scene, graph, 0.0, 0.0, strikes), "must be positive");
+    CHECK(CLOCK(scene, graph, 0.5, NAN, strikes) != SWB_OK);
+    REFUSED(SWB_ERR_RANGE, CLOCK(scene, graph, 0.5, 0.0, 9), "counts in state 9");
+    CHECK(CLOCK(scene, graph, 0.5, 0.0, -1) != SWB_OK);
+    CHECK_STATUS(SWB_ERR_NULL, CLOCK(NULL, graph, 0.5, 0.0, strikes));
+    CHECK_STATUS(SWB_ERR_NULL, CLOCK(scene, NULL, 0.5, 0.0, strikes));
+    REFUSED(SWB_ERR_RANGE, swb_scene_add_clock(scene, graph, 0.5, 0.0, strikes, NULL, 0, NULL, 0, &strikes, 1, &one, 1, &index), "counts the strikes");
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_scene_add_clock(scene, graph, 0.5, 0.0, strikes, &kept, 1, NULL, 0, NULL, 0, NULL, 0, &index));
+    REFUSED(SWB_ERR_RANGE, TIMES(back, 2, kicks), "must increase");
+    REFUSED(SWB_ERR_RANGE, TIMES(times, 0, kicks), "one at least");
+    CHECK_STATUS(SWB_ERR_NULL, TIMES(NULL, 2, kicks));
+    REFUSED(SWB_ERR_RANGE, swb_scene_add_pwm(scene, graph, c[1], 0.4, 0.0, pulse, pulses, &index), "between 0 and 1");
+    CHECK(swb_scene_add_pwm(scene, graph, -1, 0.4, 0.0, pulse, pulses, &index) != SWB_OK);
+    CHECK(swb_scene_add_pwm(scene, graph, c[0], 0.4, 0.0, pulse, 77, &index) != SWB_OK);
+    CHECK(index == -1);
+    CHECK_OK(CLOCK(scene, graph, 0.5, 0.0, strikes));
+    CHECK(index == 0);
+    CHECK_OK(swb_scene_add_pwm(scene, graph, c[0], 0.4, 0.0, pulse, pulses, &index));
+    CHECK(index == 1);
+    CHECK_OK(TIMES(times, 2, kicks));
+    CHECK(index == 3);
+    CHECK_STATUS(SWB_ERR_STATE, swb_scene_add_clock(scene, other, 0.5, 0.0, strikes, NULL, 0, NULL, 0, NULL, 0, NULL, 0, NULL));
+    CHECK_OK(swb_scene_build(scene, graph));
+    CHECK_OK(swb_scene_system(scene, &system));
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, start, 9));
+    CHECK_OK(swb_integrator_advance(integrator, 1.25, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_OK(swb_integrator_get_state(integrator, end, 9));
+    CHECK_NEAR(end[2], 0.1875, 1e-12); /* 1, 0.5, 0.25, and half of the next quarter */
+    CHECK_NEAR(end[3], 3.0 + 0.35, 1e-12); /* two kicks, three pulses and a half */
+    CHECK(end[6] == 3.0 && end[7] == 4.0 && end[8] == 2.0);
+    CHECK_OK(swb_scene_create_projected("set", 1, 0, 0, NULL, &projected));
+    index = 9;
+    REFUSED(SWB_ERR_UNSUPPORTED, CLOCK(projected, graph, 0.5, 0.0, 0), "takes no clock");
+    CHECK(index == 9);
+#undef CLOCK
+#undef TIMES
+    swb_scene_free(projected);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    swb_scene_free(scene);
+    swb_expr_free(other);
+    swb_expr_free(graph);
+}
+
 int main(void)
 {
     bounces();
     switches();
     jumps();
+    clocks();
     joints();
     states();
     slides();

@@ -6385,6 +6385,89 @@ swb_status swb_scene_add_event(struct swb_scene *scene,
                                int64_t *index);
 
 /**
+ * Add a clock to a scene: a transition at the times offset, offset + period, and so on, as swb_model_add_clock. A run that begins later has
+ * to begin with the number of times before it as the count.
+ *
+ * @param[in]  graph         the graph of the expressions
+ * @param[in]  period        from one time to the next, positive
+ * @param[in]  offset        the first time
+ * @param[in]  count         the discrete state that counts the times, see swb_scene_add_discrete
+ * @param[in]  reset_states  [n_reset_states] states that become what
+ * @param[in]  resets        [n_resets] these expressions of the state before say, which may switch and jump: a value that is sampled, a controller
+ * @param[in]  to_states     [n_to_states] discrete states that get the values
+ * @param[in]  to_values     [n_to_values] behind the reset
+ * @param[out] index         number of the transition; may be NULL
+ * @return as swb_scene_add_event; SWB_ERR_RANGE for times that are not finite, a period that is not positive, or a reset of the count
+ */
+SWB_API
+swb_status swb_scene_add_clock(struct swb_scene *scene,
+                               struct swb_expr *graph,
+                               double period,
+                               double offset,
+                               int64_t count,
+                               const int64_t *reset_states,
+                               int64_t n_reset_states,
+                               const int64_t *resets,
+                               int64_t n_resets,
+                               const int64_t *to_states,
+                               int64_t n_to_states,
+                               const double *to_values,
+                               int64_t n_to_values,
+                               int64_t *index);
+
+/**
+ * Add a clock with a list of times to a scene: a transition for each.
+ *
+ * @param[in]  graph         the graph of the expressions
+ * @param[in]  times         [n_times] which increase, one at least
+ * @param[in]  count         the discrete state that counts the times
+ * @param[in]  reset_states  [n_reset_states] states that become what
+ * @param[in]  resets        [n_resets] these expressions of the state before say, at every time the same; they may depend on the count
+ * @param[in]  to_states     [n_to_states] discrete states that get the values
+ * @param[in]  to_values     [n_to_values] behind the reset
+ * @param[out] index         number of the first transition; may be NULL
+ * @return as swb_scene_add_clock; SWB_ERR_RANGE for times that do not increase, or that there are none of
+ */
+SWB_API
+swb_status swb_scene_add_times(struct swb_scene *scene,
+                               struct swb_expr *graph,
+                               const double *times,
+                               int64_t n_times,
+                               int64_t count,
+                               const int64_t *reset_states,
+                               int64_t n_reset_states,
+                               const int64_t *resets,
+                               int64_t n_resets,
+                               const int64_t *to_states,
+                               int64_t n_to_states,
+                               const double *to_values,
+                               int64_t n_to_values,
+                               int64_t *index);
+
+/**
+ * Add pulse-width modulation to a scene: a discrete state is 1 from the times offset, offset + period, and so on, until a part of the period is over,
+ * and then 0.
+ *
+ * @param[in]  graph   the graph of the expressions
+ * @param[in]  duty    the part, an expression: the pulse ends where the ramp reaches it
+ * @param[in]  period  from one time to the next, positive
+ * @param[in]  offset  the first time
+ * @param[in]  pulse   the discrete state that is the pulse
+ * @param[in]  count   another one, which counts the times
+ * @param[out] index   number of the transition that ends the pulse, before that of the clock; may be NULL
+ * @return as swb_scene_add_clock; SWB_ERR_RANGE for a number that is not between 0 and 1 as the part
+ */
+SWB_API
+swb_status swb_scene_add_pwm(struct swb_scene *scene,
+                             struct swb_expr *graph,
+                             int64_t duty,
+                             double period,
+                             double offset,
+                             int64_t pulse,
+                             int64_t count,
+                             int64_t *index);
+
+/**
  * Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
  * transitions change them. Reports name them and documents keep the values; simulations start where they are told to. Names of
  * values (swb_model_set_value_names) are given behind this.

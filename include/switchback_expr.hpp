@@ -871,6 +871,29 @@ public:
             to_values.data(), detail::length(to_values), &k));
         return k;
     }
+    /// A clock: a transition at the times offset, offset + period, and so on. Returns the number of times it has struck, a new discrete state. See
+    /// swb_scene_add_clock.
+    Expr every(double period, const Model::Resets &reset, const Model::Values &to = {}, double offset = 0, const std::string &name = "") {
+        const Expr count = discrete(name);
+        std::vector<int64_t> reset_states, resets, to_states;
+        Vector to_values;
+        for (const auto &r : reset)
+            reset_states.push_back(detail::place_of(graph_, all_, r.first)), resets.push_back(detail::ids(graph_, {r.second}).front());
+        for (const auto &d : to)
+            to_states.push_back(detail::place_of(graph_, all_, d.first)), to_values.push_back(d.second);
+        detail::check(swb_scene_add_clock(scene_.get(), graph_.get(), period, offset, detail::place_of(graph_, all_, count),
+                                          reset_states.data(), detail::length(reset_states), resets.data(), detail::length(resets),
+                                          to_states.data(), detail::length(to_states), to_values.data(), detail::length(to_values), nullptr));
+        return count;
+    }
+    /// Pulse-width modulation: 1 from the times offset, offset + period, and so on, until a part `duty` of the period is over, then 0. A new
+    /// discrete state; another one counts the periods. See swb_scene_add_pwm.
+    Expr pwm(const Expr &duty, double period, double offset = 0, const std::string &name = "") {
+        const Expr pulse = discrete(name), count = discrete();
+        detail::check(swb_scene_add_pwm(scene_.get(), graph_.get(), detail::ids(graph_, {duty}).front(), period, offset,
+                                        detail::place_of(graph_, all_, pulse), detail::place_of(graph_, all_, count), nullptr));
+        return pulse;
+    }
     /// States that a coordinate stays between bounds, which may be infinite; see swb_scene_set_bounds.
     void bounds(int64_t coordinate, double low, double high) {
         detail::check(swb_scene_set_bounds(scene_.get(), coordinate, low, high));

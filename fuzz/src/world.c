@@ -339,7 +339,7 @@ static void joints(swb_scene *scene, swb_expr *graph, const int64_t *x, const in
 /* A bearing whose friction depends on a state beside coordinate and velocity. */
 static void bearing(const swb_settings *s)
 {
-    static const double start[4] = {0.0, 1.0, 0.5, 0.0}, low = 0.0, high = 1.0;
+    static const double start[5] = {0.0, 1.0, 0.5, 0.0, 0.0}, low = 0.0, high = 1.0;
     int64_t x[3], on, slow = 3, where = 1;
     int32_t outcome;
     swb_expr *graph = NULL;
@@ -362,13 +362,20 @@ static void bearing(const swb_settings *s)
     DO(swb_scene_add_discrete, scene, "slow", 0.0, &slow);
     DO(swb_scene_add_event, scene, graph, "slows", SWB_EFFECT_JUMP, SWB_TRIGGER_LEVEL, x[1], SWB_DIRECTION_FALLING, &slow, 1, &low, 1, &where, 1,
        &x[2], 1, &slow, 1, &high, 1, NULL);
+    int64_t ticks;
+    if (DO(swb_scene_add_discrete, scene, "ticks", 0.0, &ticks)) {
+        static const double strikes[] = {0.1, 0.3};
+        DO(swb_scene_add_clock, scene, graph, 0.25, 0.05, ticks, &where, 1, &x[2], 1, NULL, 0, NULL, 0, NULL);
+        DO(swb_scene_add_times, scene, graph, strikes, 2, slow, &where, 1, &x[2], 1, NULL, 0, NULL, 0, NULL);
+        DO(swb_scene_add_pwm, scene, graph, x[2], 0.4, 0.0, slow, ticks, NULL);
+    }
     if (!DO(swb_scene_build, scene, graph) || !DO(swb_scene_system, scene, &system))
         return;
     pool_add(T_swb_system, system);
     if (!DO(swb_integrator_create, system, s, &it))
         return;
     pool_add(T_swb_integrator, it);
-    DO(swb_integrator_reinit, it, 0.0, start, 4);
+    DO(swb_integrator_reinit, it, 0.0, start, 5);
     DO(swb_integrator_advance, it, 0.5, &outcome);
 }
 

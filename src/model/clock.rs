@@ -89,7 +89,7 @@ impl Clock {
 }
 
 /// A clock counts in a state that there is.
-fn is_state(i: usize, nx: usize) -> Result<()> {
+pub(crate) fn is_state(i: usize, nx: usize) -> Result<()> {
     match i < nx {
         true => Ok(()),
         false => {

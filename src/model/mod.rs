@@ -22,6 +22,7 @@ mod signs;
 mod simplex;
 pub(crate) mod transition;
 
+pub(crate) use clock::is_state;
 pub use clock::{Clock, Pwm, Strikes};
 pub use report::{Counts, Group, Note, NoteKind, Report};
 pub use saved::SavedModel;

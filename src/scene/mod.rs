@@ -48,7 +48,7 @@ use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id};
 use crate::func::Dims;
 use crate::memory::sizes;
 use crate::model::bounds::{Bounds, Interval, ALL};
-use crate::model::{transition, Names, Transition};
+use crate::model::{is_state, transition, Clock, Names, Pwm, Transition};
 use crate::system::Projection;
 use crate::system::{self, ImpactLaw, Inertia, Kind, Mechanics, Order, SharedFunction, System};
 
@@ -320,6 +320,30 @@ impl Scene {
         self.check_mechanical("transition")?;
         self.transitions.push(t);
         Ok(self.transitions.len() - 1)
+    }
+
+    /// Adds a clock, which counts in a discrete state of the scene, and returns the index of its first transition.
+    ///
+    /// # Errors
+    /// Those of [`Clock::transitions`]; [`Error::Unsupported`] for projected systems.
+    pub fn add_clock(&mut self, dag: &mut Dag, clock: &Clock) -> Result<usize> {
+        self.add_strikes(clock.count, clock.transitions(dag))
+    }
+
+    /// Adds pulse-width modulation, see [`Scene::add_clock`].
+    ///
+    /// # Errors
+    /// Those of [`Pwm::transitions`]; [`Error::Unsupported`] for projected systems.
+    pub fn add_pwm(&mut self, dag: &mut Dag, pwm: &Pwm) -> Result<usize> {
+        self.add_strikes(pwm.count, pwm.transitions(dag))
+    }
+
+    fn add_strikes(&mut self, count: usize, all: Result<Vec<Transition>>) -> Result<usize> {
+        self.check_mechanical("clock")?;
+        is_state(count, self.dims().x)?;
+        let first = self.transitions.len();
+        self.transitions.extend(all?);
+        Ok(first)
     }
 
     /// The transitions in the order they were added.

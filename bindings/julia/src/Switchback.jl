@@ -44,7 +44,7 @@ include("problems.jl")
 
 export Model, derivatives!, try_at!, counts, report, c_code, between_ends, external, jacobian, when, relay, dead_zone, table,
     step_table
-export discrete!, transition!, stop_at!, note!, t_events, u_events, hysteresis!, choice!, Automaton, edge!, is_in, choose, intervals
+export discrete!, transition!, every!, pwm!, stop_at!, note!, t_events, u_events, hysteresis!, choice!, Automaton, edge!, is_in, choose, intervals
 export Scene, Projected, SceneContact, rates!, inertia!, force!, state_rates!, contact!, friction!, constraint!, impact_law!, contact_mode, contact_force
 export simulate_steps, Stepper, Steps, impulses
 export System, ModelFunction, set_f0!, add_subsystem!, add_subsystem_indicators!, add_inclusion!, set_algebraic!, add_complementarity!, surfaces,

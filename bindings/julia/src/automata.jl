@@ -16,12 +16,13 @@ const JUMP, NOTE, STOP = Int32(Lib.SWB_EFFECT_JUMP), Int32(Lib.SWB_EFFECT_NOTE),
 const LEVEL, EDGE = Int32(Lib.SWB_TRIGGER_LEVEL), Int32(Lib.SWB_TRIGGER_EDGE)
 
 "Add a transition to a model of the library."
-function add_to(made::Built, graph::Graph, t::Transition)
+add_to(made::Built, graph::Graph, t::Transition) = add_to(Lib.swb_model_add_event, made, graph, t)
+function add_to(add::F, made, graph::Graph, t::Transition) where {F}
     places(list) = Int64[first(d) for d in list]
     values_(list) = Float64[last(d) for d in list]
     resets = ids_in(graph, last.(t.reset))
     guard, n = t.guard isa Condition ? t.guard.id : only(ids_in(graph, [t.guard])), length
-    check(Lib.swb_model_add_event(made, graph, t.name, t.effect, t.trigger, guard, t.falling ? Lib.SWB_DIRECTION_FALLING : Lib.SWB_DIRECTION_RISING,
+    check(add(made, graph, t.name, t.effect, t.trigger, guard, t.falling ? Lib.SWB_DIRECTION_FALLING : Lib.SWB_DIRECTION_RISING,
         places(t.from), n(t.from), values_(t.from), n(t.from), places(t.reset), n(t.reset), resets, n(resets), places(t.to), n(t.to),
         values_(t.to), n(t.to), C_NULL))
     return nothing
@@ -59,6 +60,24 @@ function discrete!(m::Model, name = ""; initial = 0)
     return m.x[end]
 end
 
+"""
+    discrete!(scene, name = ""; initial = 0)
+
+Add a discrete state to a scene and return it, as for a model. It stands behind all other states; a start may leave it out.
+"""
+function discrete!(s::Scene, name = ""; initial = 0)
+    value, given = only(finite([number(initial, "initial")], "initial")), plain(name, "the name of a discrete state")
+    isempty(given) || !any(block -> given in block, s.names) || mistake(:range, "the scene has a variable $given already")
+    place = Ref(Int64(0))
+    s.current = false
+    check(Lib.swb_scene_add_discrete(s, given, value, place))
+    push!(s.names[3], given)
+    push!(s.x, only(inputs(s.graph, Lib.SWB_INPUT_X, place[], 1)))
+    push!(s.states, s.x[end])
+    push!(s.discrete, value)
+    return s.x[end]
+end
+
 "What is given by pairs, in a list, a dictionary or as names."
 function pairs_in(given, what)
     given === nothing && return []
@@ -72,7 +91,7 @@ end
 discrete_values(m, given, what) = Pair{Int64,Float64}[state_place(m, k) - 1 => number(v, "$what: $k") for (k, v) in pairs_in(given, what)]
 
 "What is positive where a comparison holds, joined comparisons as they are, or an expression itself."
-function guard_of(m::Model, guard)
+function guard_of(m::Union{Model,Scene}, guard)
     e = guard isa Condition && guard.margin !== nothing ? guard.margin : guard
     e isa Condition || e isa Expression && !isnumber(e) || mistake(:range, "a guard is a comparison of expressions, such as v > 15, not $(repr(guard))")
     e.graph === m.graph || mistake(:range, "the guard is made of variables of another model")
@@ -91,7 +110,7 @@ values they get: pairs such as `heat => 1`, several in a list or a dictionary. A
 at the start, too, acts at once; with `edge = true` it has to be false before. Of several at one time the first that was added
 comes first. `name` is that of its times in `t_events`.
 """
-transition!(m::Model, guard; edge = false, keywords...) =
+transition!(m::Union{Model,Scene}, guard; edge = false, keywords...) =
     add_transition(m, guard_of(m, guard); trigger = edge ? EDGE : LEVEL, keywords...)
 
 """
@@ -101,7 +120,7 @@ End runs where a condition becomes true, or an expression positive, and return t
 the start has to be false first. `stopped_by` of a solution says which event ended it. Derivatives of the last state include that of
 the time of the end.
 """
-stop_at!(m::Model, guard; when = nothing, name = "") =
+stop_at!(m::Union{Model,Scene}, guard; when = nothing, name = "") =
     add_transition(m, guard_of(m, guard); when = when, name = name, effect = STOP, trigger = EDGE)
 
 """
@@ -110,26 +129,76 @@ stop_at!(m::Model, guard; when = nothing, name = "") =
 Note where a condition becomes true, or an expression positive, and return the number of the event. Times and states are in
 `t_events` and `u_events` of a solution. No step ends for that. A condition that is true at the start has to be false first.
 """
-note!(m::Model, guard; when = nothing, name = "") =
+note!(m::Union{Model,Scene}, guard; when = nothing, name = "") =
     add_transition(m, guard_of(m, guard); when = when, name = name, effect = NOTE, trigger = EDGE)
 
-function add_transition(m::Model, guard; when = nothing, reset = nothing, to = nothing, name = "", effect = JUMP, trigger = LEVEL)
+"The names of the events of a model or of a scene."
+event_names(m::Model) = String[t.name for t in m.transitions]
+event_names(s::Scene) = s.events
+
+"A transition of what pairs say."
+function stated_transition(m, guard, when, reset, to, name, effect, trigger)
     after = Pair{Int64,Expression}[]
     for (k, v) in pairs_in(reset, "reset")
         v isa Real || mistake(:range, "reset: $k becomes one expression, not $(typeof(v))")
         push!(after, state_place(m, k) - 1 => Expression(v))
     end
     given = plain(name, "the name of an event")
-    isempty(given) || all(t -> t.name != given, m.transitions) || mistake(:range, "there is an event $given already: give this one another name")
+    isempty(given) || !(given in event_names(m)) || mistake(:range, "there is an event $given already: give this one another name")
     t = Transition(guard, false, discrete_values(m, when, "when"), after, discrete_values(m, to, "to"), given, effect, trigger)
     effect == JUMP && isempty(t.reset) && isempty(t.to) && mistake(:state, "the transition changes nothing: give a reset, or discrete states `to`")
     for (what, list) in (("when", t.from), ("reset", t.reset), ("to", t.to))
         allunique(first.(list)) || mistake(:range, "$what names a state twice")
     end
     ids_in(m.graph, last.(t.reset)) # refuses those of other models
-    push!(m.transitions, t)
+    return t
+end
+
+function add_transition(m::Model, guard; when = nothing, reset = nothing, to = nothing, name = "", effect = JUMP, trigger = LEVEL)
+    push!(m.transitions, stated_transition(m, guard, when, reset, to, name, effect, trigger))
     m.built = nothing
     return length(m.transitions)
+end
+
+function add_transition(s::Scene, guard; when = nothing, reset = nothing, to = nothing, name = "", effect = JUMP, trigger = LEVEL)
+    t = stated_transition(s, guard, when, reset, to, name, effect, trigger)
+    s.current = false
+    add_to(Lib.swb_scene_add_event, s, s.graph, t)
+    push!(s.events, t.name)
+    return length(s.events)
+end
+
+"""
+    every!(model, period; reset = nothing, to = nothing, offset = 0, name = "")
+
+A clock of a model or a scene: a transition at the times `offset`, `offset + period`, and so on, to the last digit. `reset` and `to` are those of
+`transition!`: a value that is sampled, a controller. Returns the number of times it has struck, a new discrete state called `name`.
+"""
+function every!(m::Union{Model,Scene}, period; reset = nothing, to = nothing, offset = 0, name = "")
+    by, first_ = finite([number(period, "period"), number(offset, "offset")], "period and offset")
+    by > 0 || mistake(:range, "period is $by: it must be positive")
+    given = [pairs_in(reset, "reset"); pairs_in(to, "to")] # refuses what is none before anything is added
+    isempty(given) || foreach(k -> state_place(m, first(k)), given)
+    count_ = discrete!(m, name)
+    transition!(m, m.t > first_ + by * count_; reset = [count_ => count_ + 1; pairs_in(reset, "reset")], to = to)
+    return count_
+end
+
+"""
+    pwm!(model, duty, period; offset = 0, name = "")
+
+Pulse-width modulation of a model or a scene: 1 from the times `offset`, `offset + period`, and so on, until a part `duty` of the period is over,
+then 0. `duty` is a number or an expression. Returns a new discrete state called `name`; another one counts the periods.
+"""
+function pwm!(m::Union{Model,Scene}, duty, period; offset = 0, name = "")
+    duty isa Real || mistake(:range, "duty is $(repr(duty)): give a number or an expression")
+    duty isa Expression || 0 <= duty <= 1 || mistake(:range, "duty is $duty: it must be between 0 and 1")
+    by, first_ = finite([number(period, "period"), number(offset, "offset")], "period and offset")
+    by > 0 || mistake(:range, "period is $by: it must be positive")
+    pulse = discrete!(m, name)
+    count_ = every!(m, by; to = pulse => 1, offset = first_)
+    transition!(m, m.t - first_ - by * (count_ - 1) > by * duty; when = pulse => 1, to = pulse => 0)
+    return pulse
 end
 
 """

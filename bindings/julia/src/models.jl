@@ -87,11 +87,12 @@ function Base.getindex(m::Model, name::Union{Symbol,AbstractString})
 end
 
 "The place of a state, given by itself or by its name."
-function state_place(m::Model, state)
-    k = state isa Expression ? findfirst(x -> isequal(x, state), m.x) : findfirst(==(plain(state, "a state")), m.names[1])
+function state_place(m::Union{Model,AnyScene}, state)
+    k = state isa Expression ? findfirst(x -> isequal(x, state), m.x) : findfirst(==(plain(state, "a state")), state_names(m)[1])
     k === nothing && mistake(:range, "$state is no state of the model, only $(join((named_text(m, x) for x in m.x), ", "))")
     return k
 end
+state_names(m::Model) = m.names
 
 """
     derivatives!(model, rhs)

@@ -42,6 +42,8 @@ mutable struct Scene <: AnyScene
     t::Expression
     contacts::Vector{SceneContact}
     current::Bool # nothing was changed since it was built
+    discrete::Vector{Float64} # values with which the last states begin
+    events::Vector{String} # names of the transitions
 end
 
 """
@@ -90,7 +92,7 @@ function Scene(q; v = nothing, u = 0, p = 0, states = 0, name = "scene")
     x = inputs(graph, Lib.SWB_INPUT_X, 0, behind + n[3])
     address = created(AnyScene, Lib.swb_scene_create_with_states, title, n..., joined(names))
     return owned(Scene(address, 0, title, names, graph, x, x[1:n[1]], x[n[1]+1:behind], x[behind+1:end],
-                       inputs(graph, Lib.SWB_INPUT_U, 0, n[4]), inputs(graph, Lib.SWB_INPUT_P, 0, n[5]), inputs(graph, Lib.SWB_INPUT_T, 0, 1)[1], [], false))
+                       inputs(graph, Lib.SWB_INPUT_U, 0, n[4]), inputs(graph, Lib.SWB_INPUT_P, 0, n[5]), inputs(graph, Lib.SWB_INPUT_T, 0, 1)[1], [], false, [], []))
 end
 
 function Projected(x; u = 0, p = 0, name = "projected")
@@ -140,7 +142,8 @@ force!(s::Scene, values_) = give_expressions(Lib.swb_scene_set_force, s, values_
 Set the rates of the states beside coordinates and velocities, one for each, expressions of states, controls, parameters and time,
 which may switch.
 """
-state_rates!(s::Scene, values_) = give_expressions(Lib.swb_scene_set_state_rates, s, values_, length(s.states), "state_rates")
+state_rates!(s::Scene, values_) =
+    give_expressions(Lib.swb_scene_set_state_rates, s, values_, length(s.states) - length(s.discrete), "state_rates")
 
 """
     inertia!(scene, values)
@@ -307,7 +310,9 @@ report(s::AnyScene; json = false) = (made = built(s); text(Lib.swb_scene_report,
 The system of a scene or a projected system, for event-driven simulation; simulations make it themselves.
 """
 function System(s::AnyScene)
-    made = System(created(AnySystem, Lib.swb_scene_system, built(s)), 0, sizes(s)..., 0, s.graph.serial, map(copy, state_names(s)), Float64[])
+    discrete = s isa Scene ? copy(s.discrete) : Float64[]
+    made = System(created(AnySystem, Lib.swb_scene_system, built(s)), 0, sizes(s)..., 0, s.graph.serial, map(copy, state_names(s)), discrete)
+    s isa Scene && (made.events = copy(s.events))
     made.contacts = [(String(c["name"]), Int(c["tangents"])) for c in parse_json(report(s; json = true))["contacts"]]
     made.scene = s
     return owned(made)

@@ -179,6 +179,50 @@ end
     @test refused(() -> contact!(block, "wall", block.q[1]; mu_s = 0.1), :range, "cannot stick")
 end
 
+@testset "discrete states, transitions and clocks" begin
+    s = Scene(:y; p = 1, name = "gripper")
+    held = discrete!(s, "held"; initial = 1)
+    force!(s, [-10.0 * (1.0 - held)])
+    floor_ = contact!(s, "floor", s.q[1]; e = s.p[1])
+    @test transition!(s, s.q[1] > 1.2; when = held => 1, to = held => 0, name = "let go") == 1
+    hit, left = 0.7 + (1 + 5) / 10, 2 - (0.7 + 0.6)
+    for start in ([0.5, 1.0], [0.5, 1.0, 1.0])
+        r = simulate(s, start, 2.0; p = [0.8], STRICT...)
+        @test successful(r) && r.jumps[1].t ≈ 0.7 atol = 1e-10
+        @test r.impacts[1].t ≈ hit atol = 1e-10
+        @test r.u[end] ≈ [4left - 5left^2, 4 - 10left, 0] atol = 1e-8
+        @test t_events(r)[Symbol("let go")] ≈ [0.7] atol = 1e-10
+    end
+    @test stop_at!(s, s.v[1] < -3; name = "fast") == 2
+    @test simulate(s, [0.5, 1.0], 2.0; p = [0.8]).t[end] ≈ 0.7 + 0.4 atol = 1e-7
+    # a controller that holds what it samples, and pulses
+    s = Scene("x y")
+    kept = discrete!(s, "kept")
+    pulse = pwm!(s, 0.25, 0.4; name = "pulse")
+    force!(s, [-kept, pulse])
+    strikes = every!(s, 0.5; reset = kept => s.v[1], name = "strikes")
+    r = simulate(s, [0.0, 0.0, 1.0, 0.0], 1.25; STRICT...)
+    @test r.u[end][3:4] ≈ [0.1875, 0.35] atol = 1e-10
+    @test r.u[end][end] == 3 && length(r.u[end]) == 8
+    # the same as a model
+    m = Model("a v")
+    kept = discrete!(m, "kept")
+    every!(m, 0.5; reset = kept => m.x[2])
+    derivatives!(m, [m.x[2], -kept])
+    @test simulate(m, [0.0, 1.0], 1.25; STRICT...).u[end][2] ≈ 0.1875 atol = 1e-10
+    for (status, words, call) in (
+        (:range, ["must be positive"], () -> every!(s, -1.0; reset = kept => 1.0)),
+        (:range, ["no state"], () -> every!(s, 1.0; reset = kept => 1.0)),
+        (:range, ["between 0 and 1"], () -> pwm!(s, 1.5, 1.0)),
+        (:range, ["already"], () -> discrete!(s, "pulse")),
+        (:state, ["changes nothing"], () -> transition!(s, s.q[1] > 1)),
+        (:range, ["another model"], () -> transition!(s, m.x[1] > 1; to = pulse => 1)),
+    )
+        @test refused(call, status, words...)
+    end
+    @test length(s.x) == 8
+end
+
 @testset "nonsense" begin
     function plane()
         made = Scene((:x, :y))

@@ -900,7 +900,7 @@ def test_what_complementarities_refuse():
         with pytest.raises((swb.SwitchbackError, TypeError, ValueError)):
             s.add_complementarity(b)
     with pytest.raises(swb.SwitchbackError):
-        s.add_complementarity(lambda x: x[1], a=lambda x: [x[0], x[1]])
+        s.add_complementarity(lambda x: x[1], a=swb.Function.affine([0, 0], np.eye(2), nx=2))
     one = [[1.0]]
     for wrong in (
         (one, one, one, [[1.0, 0.0]]),
@@ -917,7 +917,7 @@ def test_what_complementarities_refuse():
     ):
         with pytest.raises((swb.SwitchbackError, TypeError, ValueError)):
             swb.System.linear_complementarity(*wrong)
-    # D is zero: the multiplier is not determined by an equation
-    s = swb.System.linear_complementarity(one, one, one, [[0.0]])
-    with pytest.raises(swb.SwitchbackError, match="index 1"):
-        swb.simulate(s, [1.0, 0.0], 1.0)
+    # D is zero: where x comes to zero, no equation determines the multiplier
+    s = swb.System.linear_complementarity([[0.0]], one, one, [[0.0]], [[-1.0]])
+    run = swb.simulate(s, [1.0, 0.0], 2.0)
+    assert not run.success and run.t_end == pytest.approx(1.0, abs=1e-6)

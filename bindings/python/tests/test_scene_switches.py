@@ -334,7 +334,7 @@ def _bound():
 def _projected():
     s = swb.Projected("x")
     s.f([swb.sign(s.x[0])])
-    return s.system()
+    return swb.simulate_fesd(s, [1.0], 1.0, 4)
 
 
 def _guard(make, when=None):
@@ -366,7 +366,7 @@ NONSENSE = {
     "a gap that switches": (_gap, swb.UnsupportedError, "only forces and the rates"),
     "an inertia that switches": (_inertia, swb.UnsupportedError, "only forces and the rates"),
     "a bound that switches": (_bound, swb.UnsupportedError, "only forces and the rates"),
-    "a projected system that switches": (_projected, swb.UnsupportedError, "switches where x"),
+    "finite elements of a projected system that switches": (_projected, swb.UnsupportedError, "switch at"),
     "floor in a force": (lambda: _force(lambda s: swb.floor(s.v[0])).system(), swb.UnsupportedError, "has floor"),
     "time stepping": (lambda: _force(RELAY).simulate_steps([0], [1], 1), swb.UnsupportedError, "switch at v_x = 0"),
     "time-freezing": (lambda: _force(RELAY).freeze(), swb.UnsupportedError, "switch at v_x = 0.*switch of forces"),

@@ -193,11 +193,30 @@ pub unsafe extern "C" fn swb_model_add_event(
 }
 
 /// What a clock does, as callers give it.
-struct Given {
-    reset_states: (*const i64, i64),
-    resets: (*const i64, i64),
-    to_states: (*const i64, i64),
-    to_values: (*const f64, i64),
+pub(super) struct Given {
+    pub(super) reset_states: List<i64>,
+    pub(super) resets: List<i64>,
+    pub(super) to_states: List<i64>,
+    pub(super) to_values: List<f64>,
+}
+
+/// A clock as callers give it: what makes it of the expressions of a graph.
+pub(super) unsafe fn clock<'a>(
+    strikes: Strikes,
+    count: i64,
+    given: &Given,
+) -> Result<impl FnOnce(&Dag) -> Result<Clock> + 'a> {
+    let count = size(count, "count")?;
+    let to = unsafe { values_of(given.to_states, given.to_values, "to")? };
+    let states: &'a [i64] = unsafe { raw::slice(given.reset_states.0, given.reset_states.1, "reset_states")? };
+    let ids: &'a [i64] = unsafe { raw::slice(given.resets.0, given.resets.1, "resets")? };
+    Ok(move |dag: &Dag| Ok(Clock { strikes, count, reset: resets_of(dag, states, ids)?, to }))
+}
+
+/// Pulse-width modulation as callers give it.
+pub(super) fn pulses(dag: &Dag, duty: i64, (period, offset): (f64, f64), pulse: i64, count: i64) -> Result<Pwm> {
+    let (pulse, count) = (size(pulse, "pulse")?, size(count, "count")?);
+    Ok(Pwm { duty: dag.id(place(duty, "duty")?)?, period, offset, pulse, count })
 }
 
 /// Adds a clock that strikes at these times.
@@ -209,13 +228,9 @@ unsafe fn add_clock(
     index: *mut i64,
 ) -> swb_status {
     setting(model, || unsafe {
-        let strikes = strikes()?;
-        let count = size(count, "count")?;
-        let to = values_of(given.to_states, given.to_values, "to")?;
-        let states = raw::slice(given.reset_states.0, given.reset_states.1, "reset_states")?;
-        let ids = raw::slice(given.resets.0, given.resets.1, "resets")?;
+        let made = clock(strikes()?, count, given)?;
         let k = handle::with_mut(graph, |dag| {
-            let clock = Clock { strikes, count, reset: resets_of(dag, states, ids)?, to };
+            let clock = made(dag)?;
             handle::with_mut(model, |m| m.add_clock(dag, &clock))
         })?;
         raw::write_optional(index, k as i64);
@@ -360,9 +375,8 @@ pub unsafe extern "C" fn swb_model_add_pwm(
     index: *mut i64,
 ) -> swb_status {
     setting(model, || unsafe {
-        let (pulse, count) = (size(pulse, "pulse")?, size(count, "count")?);
         let k = handle::with_mut(graph, |dag| {
-            let pwm = Pwm { duty: dag.id(place(duty, "duty")?)?, period, offset, pulse, count };
+            let pwm = pulses(dag, duty, (period, offset), pulse, count)?;
             handle::with_mut(model, |m| m.add_pwm(dag, &pwm))
         })?;
         raw::write_optional(index, k as i64);
