@@ -681,9 +681,9 @@ static void clocks(void)
     swb_scene_add_clock(scene, graph, period, offset, count, &kept, 1, &x[2], 1, NULL, 0, NULL, 0, &index)
 #define TIMES(t, n, count) swb_scene_add_times(scene, graph, t, n, count, &kick, 1, &kicked, 1, NULL, 0, NULL, 0, &index)
     REFUSED(SWB_ERR_RANGE, CLOCK(scene, graph, 0.0, 0.0, strikes), "must be positive");
-    CHECK(CLOCK(scene, graph, 0.5, NAN, strikes) != SWB_OK);
+    REFUSED(SWB_ERR_RANGE, CLOCK(scene, graph, 0.5, NAN, strikes), "must be finite");
     REFUSED(SWB_ERR_RANGE, CLOCK(scene, graph, 0.5, 0.0, 9), "counts in state 9");
-    CHECK(CLOCK(scene, graph, 0.5, 0.0, -1) != SWB_OK);
+    REFUSED(SWB_ERR_DIMENSION, CLOCK(scene, graph, 0.5, 0.0, -1), "count");
     CHECK_STATUS(SWB_ERR_NULL, CLOCK(NULL, graph, 0.5, 0.0, strikes));
     CHECK_STATUS(SWB_ERR_NULL, CLOCK(scene, NULL, 0.5, 0.0, strikes));
     REFUSED(SWB_ERR_RANGE, swb_scene_add_clock(scene, graph, 0.5, 0.0, strikes, NULL, 0, NULL, 0, &strikes, 1, &one, 1, &index), "counts the strikes");
@@ -692,8 +692,8 @@ static void clocks(void)
     REFUSED(SWB_ERR_RANGE, TIMES(times, 0, kicks), "one at least");
     CHECK_STATUS(SWB_ERR_NULL, TIMES(NULL, 2, kicks));
     REFUSED(SWB_ERR_RANGE, swb_scene_add_pwm(scene, graph, c[1], 0.4, 0.0, pulse, pulses, &index), "between 0 and 1");
-    CHECK(swb_scene_add_pwm(scene, graph, -1, 0.4, 0.0, pulse, pulses, &index) != SWB_OK);
-    CHECK(swb_scene_add_pwm(scene, graph, c[0], 0.4, 0.0, pulse, 77, &index) != SWB_OK);
+    REFUSED(SWB_ERR_RANGE, swb_scene_add_pwm(scene, graph, -1, 0.4, 0.0, pulse, pulses, &index), "count from 0");
+    REFUSED(SWB_ERR_RANGE, swb_scene_add_pwm(scene, graph, c[0], 0.4, 0.0, pulse, 77, &index), "counts in state 77");
     CHECK(index == -1);
     CHECK_OK(CLOCK(scene, graph, 0.5, 0.0, strikes));
     CHECK(index == 0);

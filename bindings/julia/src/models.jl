@@ -256,8 +256,9 @@ function Base.show(io::IO, ::MIME"text/plain", m::Model)
 end
 
 "The text of an expression with the names of the variables."
-function named_text(m::Model, e::Expression)
-    blocks = Dict('x' => m.names[1], 'u' => m.names[2], 'p' => m.names[3])
+function named_text(m::Union{Model,AnyScene}, e::Expression)
+    names = state_names(m)
+    blocks = Dict('x' => names[1], 'u' => names[2], 'p' => names[3])
     return replace(string(e), r"\b[xup]\[\d+\]" => v -> begin
         name = blocks[v[1]][parse(Int, v[3:end-1])]
         isempty(name) ? v : name

@@ -323,8 +323,8 @@ ModelFunction(s::AnyScene, outputs; name = "f") =
     expression_function(s.graph, outputs, sizes(s), outputs isa Real ? 1 : length(outputs), name)
 
 function state_of(s::Scene, q0, v0)
-    isempty(s.states) ||
-        mistake(:dimension, "the scene has $(length(s.states)) states beside q and v: give the whole state, simulate(scene, x0, tspan)")
+    n = length(s.states) - length(s.discrete)
+    n == 0 || mistake(:dimension, "the scene has $n states beside q and v: give the whole state, simulate(scene, x0, tspan)")
     return [named_vector(q0, s.names[1], "q0"); named_vector(v0, s.names[2], "v0")]
 end
 

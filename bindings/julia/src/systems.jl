@@ -156,7 +156,7 @@ Add `0 ≤ a ⊥ b ≥ 0` to the equations of the algebraic states `rows`: of ev
 `a` it is the states themselves. Returns the number of the first of the subsystems, one for each pair with the modes `a = 0` and `b = 0`.
 """
 function add_complementarity!(s::System, b; rows, a = nothing)
-    chosen = rows_of(s, rows)
+    chosen = row_numbers(rows, s.nx)
     g = function_of(b, sizes(s), length(chosen), "b")
     f = a === nothing ? nothing : function_of(a, sizes(s), length(chosen), "a")
     number = Ref{Int64}()

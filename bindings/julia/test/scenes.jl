@@ -188,7 +188,8 @@ end
     hit, left = 0.7 + (1 + 5) / 10, 2 - (0.7 + 0.6)
     for start in ([0.5, 1.0], [0.5, 1.0, 1.0])
         r = simulate(s, start, 2.0; p = [0.8], STRICT...)
-        @test successful(r) && r.jumps[1].t ≈ 0.7 atol = 1e-10
+        @test successful(r)
+        @test r.jumps[1].t ≈ 0.7 atol = 1e-10
         @test r.impacts[1].t ≈ hit atol = 1e-10
         @test r.u[end] ≈ [4left - 5left^2, 4 - 10left, 0] atol = 1e-8
         @test t_events(r)[Symbol("let go")] ≈ [0.7] atol = 1e-10
@@ -205,7 +206,7 @@ end
     @test r.u[end][3:4] ≈ [0.1875, 0.35] atol = 1e-10
     @test r.u[end][end] == 3 && length(r.u[end]) == 8
     # the same as a model
-    m = Model("a v")
+    m = Model(states = "a v")
     kept = discrete!(m, "kept")
     every!(m, 0.5; reset = kept => m.x[2])
     derivatives!(m, [m.x[2], -kept])
