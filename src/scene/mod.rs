@@ -280,7 +280,7 @@ impl Scene {
     }
 
     /// Sets the force on velocity `i`: all that stands beside `M v̇` but contact forces. It may switch, with `sign`, `where` and tables of
-    /// states, controls, parameters and time; in projected systems it may not.
+    /// states, controls, parameters and time.
     pub fn set_force(&mut self, i: usize, force: Id) -> Result<()> {
         let n = self.n_v;
         let place = self.force.get_mut(i);

@@ -163,7 +163,7 @@ end
 """
     derivatives!(projected, f)
 
-Set the derivatives of the states of a projected system without constraints, one for each, smooth expressions.
+Set the derivatives of the states of a projected system without constraints, one for each. They may switch, for simulation by events.
 """
 derivatives!(s::Projected, f) = give_expressions(Lib.swb_scene_set_force, s, f, length(s.x), "f")
 
