@@ -618,8 +618,32 @@ static void phases() {
     CHECK(std::abs(found.simulator.state().at(0) - 6.5) < 1e-9);
 }
 
+// A diode with a resistance: x' = z - x, 0 <= z, z + x - 1/2 >= 0, one of them zero.
+static void complementarity() {
+    const swb::Sizes sizes{2, 0, 0};
+    swb::Function f0("f0", sizes, 2, [](const swb_point &at, double *out) {
+        out[0] = at.x[1] - at.x[0];
+        out[1] = 0.0;
+    });
+    swb::Function voltage("w", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.x[1] + at.x[0] - 0.5; });
+    swb::Function current("z", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.x[1]; });
+    for (const swb::Function *a : {static_cast<const swb::Function *>(nullptr), static_cast<const swb::Function *>(&current)}) {
+        swb::System system(sizes);
+        system.f0(f0);
+        CHECK(status_of([&] { system.complementarity({1}, voltage, a); }) == SWB_ERR_STATE);
+        system.algebraic(1).complementarity({1}, voltage, a);
+        CHECK(status_of([&] { system.complementarity({1}, f0, a); }) == SWB_ERR_DIMENSION);
+        swb::Integrator integrator(system);
+        integrator.reinit(0.0, {0.0, 0.0});
+        integrator.advance(1.0);
+        const double x = 0.25 * (1.0 - std::exp(-2.0));
+        CHECK(std::abs(integrator.state()[0] - x) < 1e-6 && std::abs(integrator.state()[1] - (0.5 - x)) < 1e-6);
+    }
+}
+
 int main() {
     simulation();
+    complementarity();
     phases();
     events();
     transitions();
