@@ -79,9 +79,41 @@ class World:
         self._constraints: list[tuple[str, Callable[[States], Any]]] = []
         self._pairs: list[_Pair] | None = None
         self._forces: dict[str, list[Callable[[States], Any]]] = {}
+        self._families: list[set[str]] = []  # names of bodies of one file, which touch each other only where it is said
         self._placed: dict[str, _Placed] = {}
         self._placed_joints: dict[str, tuple[list[float], list[float]]] = {}
         self._scene: Scene | None = None
+
+    @classmethod
+    def from_urdf(cls, source: Any, floating: bool = False, ignore: Sequence[str] = (), **keywords: Any) -> World:
+        """A world in space with a robot that an URDF describes: a path, or the text.
+
+        floating   the first link moves freely and is placed by its centre of mass; else its frame is that of the world
+        ignore     what to leave out of what is not taken, by name: "mesh", "cylinder", "mimic", "transmission", ...
+        keywords   those of `World`: friction, restitution, gravity, controls
+
+        Links are bodies about their centres of mass, in the axes of the links. Spheres, boxes and capsules as collision shapes
+        touch planes of the world; contacts of links with each other are named (`contacts`). Limits are stops without
+        restitution, damping and friction are those of the file, a joint that mimics is a constraint. A joint with the name of a
+        link is called "NAME joint". Bounds of effort and speed bound what drives a joint, and nothing does here. Errors:
+        `UnsupportedError` for anything else, by name, `RangeError` for numbers and trees that are none.
+        """
+        from .robots import read_urdf
+
+        return read_urdf(cls(space=True, **keywords), source, bool(floating), ignore)
+
+    @classmethod
+    def from_mjcf(cls, source: Any, ignore: Sequence[str] = (), **keywords: Any) -> World:
+        """A world in space with the bodies of a model of MuJoCo: a path, or the text. MuJoCo reads it (`pip install mujoco`).
+
+        `ignore` and `keywords` as in `from_urdf`; gravity is that of the model unless it is given. Bodies with a free joint are
+        placed as the model has them. Planes, spheres, boxes, capsules and ellipsoids are taken, hinges, slides and balls, also
+        several of one body, with limits, damping, armature, springs and friction loss. Friction and restitution of contacts
+        are `mu` and `e` of the world: those of the model belong to its soft contacts.
+        """
+        from .robots import read_mjcf
+
+        return read_mjcf(cls(space=True, **keywords), source, ignore, "gravity" not in keywords)
 
     # --- what there is ------------------------------------------------------------------------------------
 
@@ -341,16 +373,27 @@ class World:
 
     def _all_pairs(self) -> list[tuple[Body, Body | Fixed]]:
         held = {frozenset((j.parent.name, j.body.name)) for j in self.joints if j.parent is not None}
+        still = self._still()
         shaped = [b for b in self.bodies if b._spots]
-        planes = [
-            (a, f)
-            for a in shaped
-            for f in self.fixed
-            if f.on is None or (f.on is not a and frozenset((a.name, f.on.name)) not in held)
-        ]
-        return planes + [
-            (a, b) for i, a in enumerate(shaped) for b in shaped[i + 1 :] if frozenset((a.name, b.name)) not in held
-        ]
+
+        def meet(a: Body, b: Body | None) -> bool:
+            other = "" if b is None else b.name
+            if a is b or frozenset((a.name, other)) in held or any({a.name, other} <= f for f in self._families):
+                return False
+            return not (a.name in still and (b is None or other in still))
+
+        planes = [(a, f) for a in shaped for f in self.fixed if meet(a, f.on)]
+        return planes + [(a, b) for i, a in enumerate(shaped) for b in shaped[i + 1 :] if meet(a, b)]
+
+    def _still(self) -> set[str]:
+        """Names of bodies that are held to the world firmly."""
+        out: set[str] = set()
+        for _ in self.joints:  # as often as a chain may be long
+            found = {j.body.name for j in self.joints if j.kind == "fixed" and (j.parent is None or j.parent.name in out)}
+            if found <= out:
+                break
+            out |= found
+        return out
 
     def _check_shapes(self, a: Body, b: Body | Fixed) -> None:
         for body in (a, b):
