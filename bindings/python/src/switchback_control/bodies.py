@@ -12,6 +12,7 @@ import numpy
 from . import _spatial as sp
 from ._arrays import Array, number, real, vector
 from ._ffi import ImpactLaw
+from ._pairs import all_pairs, check_shapes
 from ._world_scene import layout_of, write
 from .errors import ArgumentError, DimensionError, RangeError, StateError, UnsupportedError
 from .multibody import SIZES, Joint
@@ -347,15 +348,15 @@ class World:
         never said has contacts of all pairs.
 
         Boxes, rods, capsules and ellipsoids touch planes only: the distance of a side from another body is not smooth where
-        the nearest point passes a corner. Round bodies touch each other. Bodies that a joint holds together are no pair unless
-        they are named.
+        the nearest point passes a corner. Round bodies touch each other. Bodies that joints connect are no pairs unless they are
+        named.
         """
         mu, e = (self.mu if mu is None else mu), (self.e if e is None else e)
         old = list(self._pairs or [])
         new = []
         if not pairs:
             known = {frozenset((p.a.name, p.b.name)) for p in old}
-            pairs = tuple(p for p in self._all_pairs() if frozenset((p[0].name, p[1].name)) not in known)
+            pairs = tuple(p for p in all_pairs(self) if frozenset((p[0].name, p[1].name)) not in known)
         for pair in pairs:
             if not isinstance(pair, (tuple, list)) or len(pair) != 2:
                 raise ArgumentError(f"a pair is a tuple of two bodies, or of a body and a plane, not {pair!r:.60}")
@@ -366,50 +367,10 @@ class World:
                 raise ArgumentError(f"{pair[0]!r} and {pair[1]!r} do not move against each other")
             if any({p.a, p.b} == {a, b} for p in old + new):
                 raise ArgumentError(f"{a.name} and {b.name} are a pair already")
-            self._check_shapes(a, b)
+            check_shapes(a, b)
             new.append(_Pair(a, b, mu, e))
         self._pairs = old + new
         self._scene = None
-
-    def _all_pairs(self) -> list[tuple[Body, Body | Fixed]]:
-        held = {frozenset((j.parent.name, j.body.name)) for j in self.joints if j.parent is not None}
-        still = self._still()
-        shaped = [b for b in self.bodies if b._spots]
-
-        def meet(a: Body, b: Body | None) -> bool:
-            other = "" if b is None else b.name
-            if a is b or frozenset((a.name, other)) in held or any({a.name, other} <= f for f in self._families):
-                return False
-            return not (a.name in still and (b is None or other in still))
-
-        planes = [(a, f) for a in shaped for f in self.fixed if meet(a, f.on)]
-        return planes + [(a, b) for i, a in enumerate(shaped) for b in shaped[i + 1 :] if meet(a, b)]
-
-    def _still(self) -> set[str]:
-        """Names of bodies that are held to the world firmly."""
-        out: set[str] = set()
-        for _ in self.joints:  # as often as a chain may be long
-            found = {j.body.name for j in self.joints if j.kind == "fixed" and (j.parent is None or j.parent.name in out)}
-            if found <= out:
-                break
-            out |= found
-        return out
-
-    def _check_shapes(self, a: Body, b: Body | Fixed) -> None:
-        for body in (a, b):
-            if isinstance(body, Body) and not body._spots:
-                raise UnsupportedError(f"{body.name} has no shape: it touches nothing. Give the link shapes")
-        if isinstance(b, Fixed):
-            return
-        if not (a._round and b._round):
-            raise UnsupportedError(
-                f"{a.name} ({a.shape}) and {b.name} ({b.shape}): the distance of sides and corners is not smooth; "
-                "boxes, rods, capsules and ellipsoids touch planes only. Name the pairs that may touch, without this one"
-            )
-        if not any(s.radius for s in a._spots + b._spots):
-            raise UnsupportedError(
-                f"{a.name} and {b.name} are points: they do not touch. Name the pairs that may touch, without this one"
-            )
 
     def force(self, body: Any, f: Callable[[States], Any]) -> None:
         """Add a force on a body, beside its weight: `f` is a function of `States` that returns its components along the axes of
@@ -528,9 +489,9 @@ class World:
     def _stated(self) -> list[_Pair]:
         if self._pairs is not None:
             return self._pairs
-        for a, b in self._all_pairs():
-            self._check_shapes(a, b)
-        return [_Pair(a, b, self.mu, self.e) for a, b in self._all_pairs()]
+        for a, b in all_pairs(self):
+            check_shapes(a, b)
+        return [_Pair(a, b, self.mu, self.e) for a, b in all_pairs(self)]
 
     def _write(self) -> Scene:
         if not self.bodies:
