@@ -727,7 +727,7 @@ impl Engine {
     pub(super) fn touching(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
         let first = event.is_none();
         let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
-        let SceneRoom { touching: out, row, merges, .. } = &mut self.contact_events.scene;
+        let SceneRoom { touching: out, row, merges, patience, .. } = &mut self.contact_events.scene;
         out.clear();
         let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             for (i, set) in modes.iter().enumerate() {
@@ -750,7 +750,7 @@ impl Engine {
                 }
                 let near = (roundings * EPS * c.sizes[i][0]).max(8.0 * EPS * rate.abs() * at.t.abs());
                 let closes = gap <= near && rate <= 64.0 * EPS * c.sizes[i][3];
-                if closes || *merges && c.hardly_opens(i, at, (rtol, atol), (row, n_z))? {
+                if closes || *merges && c.hardly_opens(i, at, (rtol, atol), *patience, (row, n_z))? {
                     out.push(i);
                 }
             }
@@ -875,7 +875,7 @@ impl Engine {
         let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
         /// Share of its size below which a sliding velocity may be zero, if others that stop say so.
         const STILL: f64 = 1e-3;
-        let SceneRoom { touching: all, closed: out, row, merges, creeps, unseen, struck, .. } =
+        let SceneRoom { touching: all, closed: out, row, merges, patience, creeps, unseen, struck, .. } =
             &mut self.contact_events.scene;
         let mut likely = Vec::new();
         *creeps = false;
@@ -886,7 +886,8 @@ impl Engine {
             for &i in all.iter() {
                 c.dynamics.load_gap(at, i)?;
                 c.dynamics.load_contact(at, i)?;
-                let hardly = *unseen == Some(i) || *merges && c.hardly_opens(i, at, (rtol, atol), (row, n_z))?;
+                let hardly =
+                    *unseen == Some(i) || *merges && c.hardly_opens(i, at, (rtol, atol), *patience, (row, n_z))?;
                 let b = c.dynamics.block(i);
                 let pushes = c.dynamics.is_first_order() && !c.dynamics.is_joint(i);
                 if pushes || c.dynamics.mechanics.contacts[i].kind == Kind::Bilateral {
@@ -1001,12 +1002,14 @@ impl Contacts {
         Ok([gap, normal.iter().enumerate().map(|(k, n)| n.abs() * tolerance(n_q + k)).sum()])
     }
 
-    /// Is the gap of contact `i` zero, and does it rest, as far as the tolerances see?
+    /// Is the gap of contact `i` zero, and does it rest, as far as the tolerances see, with velocities by so many times as much? A body that
+    /// rocks opens one side where it closes the other, at the same speed: both are held to the same measure.
     fn hardly_opens(
         &mut self,
         i: usize,
         at: &Point,
         tolerances: (&[f64], &[f64]),
+        patience: f64,
         room: (&mut Vec<f64>, usize),
     ) -> std::result::Result<bool, EvalError> {
         self.dynamics.load_gap(at, i)?;
@@ -1018,6 +1021,6 @@ impl Contacts {
         self.dynamics.load_contact(at, i)?;
         let n_q = self.dynamics.mechanics.n_q;
         let unseen = self.unseen(i, at, n_q, tolerances, room)?;
-        Ok(gap <= LAST * unseen[0] && rate.abs() <= unseen[1])
+        Ok(gap <= LAST * unseen[0] && rate.abs() <= patience * unseen[1])
     }
 }
