@@ -35,15 +35,16 @@ print(f"{sum(rest)} of {len(runs)} at rest after 3 s, {took / len(runs):.3f} s e
 print(f"impacts of a box: {min(len(r.impacts) for r in runs)} to {max(len(r.impacts) for r in runs)}")
 print(f"on faces at half heights {faces}")
 
-figure = plt.figure(figsize=(9, 3.6), layout="constrained")
-ax = figure.add_subplot(1, 2, 2)
+figure = plt.figure(figsize=(9, 3.0), layout="constrained")
+ax = figure.add_subplot(1, 3, 3)
 for run in runs[:30]:
-    t = np.linspace(0, min(1.5, run.t_end), 400)
+    t = np.linspace(0, 1.5, 400)
     ax.plot(t, w.trajectory(run, box, t).z, linewidth=0.6)
 ax.set_xlabel("time")
 ax.set_ylabel("height of the centre")
-ax = figure.add_subplot(1, 2, 1, projection="3d")
-for k, t in enumerate((0.0, 0.25, 0.4, 3.0)):
-    x = float(w.trajectory(runs[3], box, t).x)
-    w.picture(runs[3], t, ax, limits=[-0.5, 0.7, -0.6, 0.6, 0, 1.2])
+for k, t in enumerate((0.2, 3.0)):
+    way = w.trajectory(runs[3], box, t)
+    ax = figure.add_subplot(1, 3, k + 1, projection="3d")
+    w.picture(runs[3], t, ax, limits=[way.x - 0.3, way.x + 0.3, way.y - 0.3, way.y + 0.3, 0, 0.6])
+    ax.set(title=f"t = {t}", xticks=[], yticks=[], zticks=[0, 0.3, 0.6])
 figure.savefig(folder / "python_dropped_boxes.svg")

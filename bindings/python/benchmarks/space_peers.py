@@ -23,7 +23,7 @@ G, MU = 9.81, 0.2
 
 def world(body, plane="", options=""):
     ground = f'<geom name="ground" type="plane" size="50 50 1" friction="{MU} 0 0" condim="3" {plane}/>'
-    return f"""<mujoco><option gravity="0 0 {-G}" cone="elliptic" impratio="10" {options}/><worldbody>
+    return f"""<mujoco model="peer"><option gravity="0 0 {-G}" cone="elliptic" impratio="10" {options}/><worldbody>
       {ground if plane is not None else ""}{body}</worldbody></mujoco>"""
 
 

@@ -76,7 +76,8 @@ def test_a_box_on_a_slope_holds_or_slides(factor):
 
 
 def test_boxes_dropped_at_random_come_to_rest():
-    for seed in range(12):
+    # 15, 19 and 44 rock from edge to edge before they rest
+    for seed in (*range(20), 44):
         rng = np.random.default_rng(seed)
         w = swb.World(space=True, mu=0.4, e=0.3)
         box, _ = w.box(0.4, 0.2, 1.0, depth=0.3, name="box"), w.floor()

@@ -103,10 +103,17 @@ def _box_of(layout: Layout, states: list[States]) -> tuple[Array, Array]:
 def _draw(ax: Any, layout: Layout, s: States, low: Array, high: Array) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+    # matplotlib sorts by the nearest corner, which of a large plane is nearer than any body: the order is told here
+    ax.computed_zorder = False
+    e, a = numpy.radians(ax.elev), numpy.radians(ax.azim)
+    eye = numpy.array([numpy.cos(e) * numpy.cos(a), numpy.cos(e) * numpy.sin(a), numpy.sin(e)])
+    depth = {b.name: float(sum(c * d for c, d in zip(s[b].position, eye))) for b in layout.bodies}
+    order = {name: 2 + k for k, name in enumerate(sorted(depth, key=lambda name: depth[name]))}
     for fixed in layout.fixed:
         polygon = _cut(fixed, s, low, high) if fixed.on is None else None
         if polygon is not None:
-            ax.add_collection3d(Poly3DCollection([polygon], facecolors="0.85", edgecolors="0.6", alpha=0.35, zorder=0))
+            before = 1 if numpy.dot(fixed.normal, eye) >= 0.0 else 2 + len(order)
+            ax.add_collection3d(Poly3DCollection([polygon], facecolors="0.85", edgecolors="0.6", alpha=0.35, zorder=before))
     for i, body in enumerate(layout.bodies):
         color = f"C{i % 10}"
         for shape in body.shapes:
@@ -115,12 +122,13 @@ def _draw(ax: Any, layout: Layout, s: States, low: Array, high: Array) -> None:
                 sides = Poly3DCollection(
                     list(_moved(faces.reshape(-1, 3), s, body).reshape(faces.shape)),
                     facecolors=color, edgecolors="0.25", linewidths=0.3, alpha=0.9, shade=True,
+                    zorder=order[body.name],
                 )  # fmt: skip
                 ax.add_collection3d(sides)
             else:
-                ax.plot(*_moved(numpy.zeros((1, 3)), s, body).T, "o", color=color, markersize=5)
+                ax.plot(*_moved(numpy.zeros((1, 3)), s, body).T, "o", color=color, markersize=5, zorder=order[body.name])
         for line in _lines(layout, body):
-            ax.plot(*_moved(line, s, body).T, "-o", color=color, linewidth=2.5, markersize=3)
+            ax.plot(*_moved(line, s, body).T, "-o", color=color, linewidth=2.5, markersize=3, zorder=order[body.name])
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
     ax.set_zlim(low[2], high[2])

@@ -73,8 +73,8 @@ def inertia_of(given: Any, name: str) -> Any:
         raise RangeError(f"{name} is not a symmetric matrix of finite numbers")
     m = 0.5 * (m + m.T)
     moments = numpy.linalg.eigvalsh(m)
-    # none about one axis is a thin rod, which joints may hold
-    if not (moments[2] > 0.0 and moments[0] >= -1e-6 * moments[2]):
+    # none about one axis is a thin rod, none at all a point; joints may hold both
+    if not moments[0] >= -1e-6 * moments[2]:
         raise RangeError(f"{name} is not positive: its moments are {moments}")
     return m
 
