@@ -27,7 +27,7 @@
 //! soon as they nearly see it. Where the sliding breaks away from rest `α = 0`, and what it does next is decided by
 //! `a_t' = α' e + α e'` with the turning `e' = ω e⊥` ([`Dynamics::turning`]).
 
-use super::dynamics::{dot, Dynamics, STOP};
+use super::dynamics::{dot, Dynamics};
 use super::problem::{Problem, Room, Solution, Solutions, State};
 use super::{mode, ZERO};
 use crate::func::EvalResult;
@@ -127,7 +127,7 @@ impl Dynamics {
     pub(super) fn has_no_direction(&self, i: usize) -> bool {
         let s = self.blocks[i].sliding;
         let size = s[0].hypot(s[1]);
-        size <= STOP * self.fastest[i] || size == 0.0 || self.carried[i] || self.follows(i)
+        size <= self.stop(i) || size == 0.0 || self.carried[i] || self.follows(i)
     }
 
     /// Does a contact under a sliding mode go where it accelerates to?

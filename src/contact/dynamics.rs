@@ -126,6 +126,7 @@ pub(crate) struct Slides {
     starting: Vec<(usize, [f64; 2])>,
     begins: Vec<f64>,
     fastest: Vec<f64>,
+    unseen: Vec<f64>,
     reference: Vec<Forces>,
 }
 
@@ -172,6 +173,8 @@ pub(crate) struct Dynamics {
     pub(crate) begins: Vec<f64>,
     /// Largest sliding velocity of a contact in space since it began to slide.
     pub(crate) fastest: Vec<f64>,
+    /// Sliding velocity of a contact in space that tolerances do not see, where its slide began, see [`Dynamics::stop`].
+    pub(crate) unseen: Vec<f64>,
     pub(super) buffer: Vec<f64>,
     pub(super) work: Vec<f64>,
     pub(super) extended: Vec<f64>,
@@ -189,9 +192,24 @@ pub(crate) struct Dynamics {
 
 /// A contact in space sticks when its sliding velocity has fallen to this share of the largest it had since it began to
 /// slide: what is left of the way to the stop goes along the tangent, with an error of the square of it.
-pub(crate) const STOP: f64 = 1e-8;
+const STOP: f64 = 1e-8;
+
+/// Share of the largest velocity above which none counts as zero, however little the tolerances see.
+const MOST: f64 = 0.1;
 
 impl Dynamics {
+    /// Do the tangents of two contacts in space, which are loaded, have a velocity in common?
+    pub(crate) fn slide_together(&self, i: usize, j: usize) -> bool {
+        let moves = |k: usize, l: usize| self.tangent(k, 0)[l] != 0.0 || self.tangent(k, 1)[l] != 0.0;
+        (0..self.mechanics.n_v).any(|l| moves(i, l) && moves(j, l))
+    }
+
+    /// The sliding velocity at which contact `i` in space stops: a share of the largest, or what the tolerances do not see, for the error of a
+    /// step is as large as that. Below it the direction would be one of errors, and steps as short as the way to the stop.
+    pub(crate) fn stop(&self, i: usize) -> f64 {
+        (STOP * self.fastest[i]).max(self.unseen[i].min(MOST * self.fastest[i]))
+    }
+
     pub(crate) fn new(mechanics: &Arc<Mechanics>) -> Dynamics {
         let m = mechanics.as_ref();
         let n_v = m.n_v;
@@ -248,6 +266,7 @@ impl Dynamics {
             starting: Vec::new(),
             begins: vec![0.0; m.contacts.len()],
             fastest: vec![0.0; m.contacts.len()],
+            unseen: vec![0.0; m.contacts.len()],
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],
             extended: Vec::new(),
@@ -475,15 +494,16 @@ impl Dynamics {
             starting: self.starting.clone(),
             begins: self.begins.clone(),
             fastest: self.fastest.clone(),
+            unseen: self.unseen.clone(),
             reference: self.reference.clone(),
         }
     }
 
     /// Undoes what has been remembered since.
     pub(crate) fn put_back_slides(&mut self, s: Slides) {
-        let Slides { directions, settled, starting, begins, fastest, reference } = s;
+        let Slides { directions, settled, starting, begins, fastest, unseen, reference } = s;
         (self.directions, self.settled, self.starting) = (directions, settled, starting);
-        (self.begins, self.fastest, self.reference) = (begins, fastest, reference);
+        (self.begins, self.fastest, self.unseen, self.reference) = (begins, fastest, unseen, reference);
     }
 
     /// Is contact `i` sliding under this mode?

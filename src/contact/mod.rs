@@ -21,7 +21,7 @@ pub(crate) mod problem;
 mod sensitivity;
 mod share;
 
-pub(crate) use dynamics::{Block, Dynamics, Forces, STOP};
+pub(crate) use dynamics::{Block, Dynamics, Forces};
 pub(crate) use impact::Impulse;
 pub(crate) use modes::{Choice, Closed, Follow, ZERO};
 

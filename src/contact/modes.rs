@@ -14,7 +14,7 @@ pub(crate) struct Choice {
     /// The modes.
     pub(crate) modes: Vec<Vec<usize>>,
     /// Directions of contacts in space that begin to slide.
-    directions: Vec<(usize, [f64; 2])>,
+    pub(crate) directions: Vec<(usize, [f64; 2])>,
     /// Those of them that have no sliding velocity.
     pub(crate) begin: Vec<usize>,
     /// Forces of the closed contacts, where there are many and they are not unique: those well within the friction.

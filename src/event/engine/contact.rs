@@ -606,7 +606,7 @@ impl Engine {
         self.contact_events.phases.push(Phase { t: self.t, modes: modes().collect(), redundant, starting, u, p });
     }
 
-    /// What is left of a slide in space goes along the tangent, see [`contact::STOP`].
+    /// What is left of a slide in space goes along the tangent, see [`Dynamics::stop`].
     fn stop_in_space(&mut self, contact: usize) -> std::result::Result<(), EvalError> {
         let left = self.field.with_contacts(self.t, &self.x, |c, _, modes| {
             if c.dynamics.mechanics.contacts[contact].n_tangents < 2 {
@@ -969,6 +969,11 @@ impl Contacts {
         d.begin(choice);
         let slides = choice.modes.iter().map(|set| set[0] == mode::SLIDES);
         d.begins.iter_mut().zip(slides).filter(|(_, slides)| !slides).for_each(|(b, _)| *b = 0.0);
+        for &(i, _) in &choice.directions {
+            // what slides at several places stops at all of them at once: the slowest one says nothing of the others
+            let alone = choice.directions.iter().all(|&(j, _)| j == i || !self.dynamics.slide_together(i, j));
+            self.dynamics.unseen[i] = if alone { self.unseen_slide(i, at, (rtol, atol)) } else { 0.0 };
+        }
         for &i in &choice.begin {
             self.dynamics.begins[i] = self.unseen_slide(i, at, (rtol, atol)).max(f64::MIN_POSITIVE);
         }

@@ -2,7 +2,7 @@
 
 use super::near::Near;
 use super::Field;
-use crate::contact::{mode, Block, Dynamics, STOP};
+use crate::contact::{mode, Block, Dynamics};
 use crate::event::step::{Stages, Step};
 use crate::event::watch::{ContactWatch, Scale, Watch};
 use crate::func::{EvalError, EvalResult, Point};
@@ -413,7 +413,7 @@ impl Contacts {
     fn speed(&self, i: usize, direction: [f64; 2]) -> f64 {
         let d = &self.dynamics;
         let (n, s) = (d.mechanics.contacts[i].n_tangents, d.block(i).sliding);
-        (0..n).map(|k| direction[k] * s[k]).sum::<f64>() - if n == 2 { STOP * d.fastest[i] } else { 0.0 }
+        (0..n).map(|k| direction[k] * s[k]).sum::<f64>() - if n == 2 { d.stop(i) } else { 0.0 }
     }
 
     /// Was the right-hand side evaluated here last?
