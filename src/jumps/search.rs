@@ -11,7 +11,7 @@ use super::neighbours::neighbours;
 use super::options::{Method, Options};
 use super::problem::Problem;
 use super::shots::{beside, missed, simulation, Beside};
-use super::simulate::met;
+use super::simulate::{met, Met};
 use super::space::{Contacts, Ended, Order, Reach};
 use super::track::Track;
 use crate::error::{Error, Result};
@@ -33,7 +33,7 @@ const AGREES: f64 = 0.1;
 pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<Findings> {
     let clock = Instant::now();
     let mut budget = Budget::new(f64::INFINITY);
-    let (sought, paradox) = search(p, options, &mut budget, control)?;
+    let (sought, met) = search(p, options, &mut budget, control)?;
     let Sought { best, others, agreeing, tried, .. } = sought;
     let (mut best, solved) = match best {
         Some(found) => found,
@@ -54,20 +54,15 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<Fi
             (_, Outcome::MaxIter) if own_iterations < options.solver.max_iter => Outcome::Stalled,
             (_, outcome) => outcome,
         };
-        explain(p, options, &mut best, paradox, control)?;
+        explain(p, options, &mut best, met, control)?;
     }
     let effort = best.effort;
     let others = others.into_iter().map(|(a, s)| (Answer { effort, ..a }, s)).collect();
     Ok(Findings { best: (best, solved), others })
 }
 
-/// The whole search of a problem, and what is known of the simulation of the guess ([`Sources::paradox`]).
-fn search(
-    p: &Problem,
-    options: &Options,
-    budget: &mut Budget,
-    control: &mut Control,
-) -> Result<(Sought, Option<Option<(usize, f64)>>)> {
+/// The whole search of a problem, and what the simulation of the guess met, where that was asked for.
+fn search(p: &Problem, options: &Options, budget: &mut Budget, control: &mut Control) -> Result<(Sought, Option<Met>)> {
     if let Some(last) = &options.warm {
         // an answer of before goes where phases that vanish lead, and no further
         let mut space = Contacts::new(p, options, Reach::Wanted, false);
@@ -98,7 +93,7 @@ fn search(
         space.sources.give(open, guess, None);
         found = Sought::of(&mut space, &[Source::Guess], (options, 0.0), budget, control)?;
     }
-    Ok((found, space.sources.paradox))
+    Ok((found, space.sources.met))
 }
 
 /// Says of the point that is closest to a solution what keeps it from one, and what a simulation of its controls has.
@@ -106,7 +101,7 @@ fn explain(
     p: &Problem,
     options: &Options,
     best: &mut Answer,
-    seen: Option<Option<(usize, f64)>>,
+    of_guess: Option<Met>,
     control: &mut Control,
 ) -> Result<()> {
     let mut closest = None;
@@ -116,11 +111,8 @@ fn explain(
     }
     best.missed = closest.as_ref().and_then(|s| missed(p, options, best, s));
     best.changes = closest.as_ref().map_or_else(Vec::new, |s| s.met().changes);
-    let guess = match seen {
-        Some(paradox) => paradox,
-        None => met(p, &options.x0, &options.controls, &p.given.durations).ok().and_then(|m| m.paradox),
-    };
-    let guessed = guess.map(|(contact, t)| Paradox { contact, t, of_guess: true });
+    let of_guess = of_guess.or_else(|| met(p, &options.x0, &options.controls, &p.given.durations).ok());
+    let guessed = of_guess.and_then(|m| m.paradox).map(|(contact, t)| Paradox { contact, t, of_guess: true });
     let of_closest = |(contact, t)| Paradox { contact, t, of_guess: false };
     best.paradox = guessed.or_else(|| closest.and_then(|s| s.paradox()).map(of_closest));
     Ok(())

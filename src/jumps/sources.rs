@@ -10,7 +10,7 @@ use super::modes::{ContactMode, Sequence};
 use super::options::{Method, Options};
 use super::problem::Problem;
 use super::shots::Volley;
-use super::simulate::simulate;
+use super::simulate::{simulate, Met};
 use super::space::{Motion, Order};
 use super::stepping;
 use super::track::{interpolate, Piece, Track};
@@ -128,8 +128,8 @@ pub(super) struct Sources<'a> {
     /// Orders that are given, with their motions.
     pub(super) given: VecDeque<(Sequence, Motion)>,
     is_simulated: bool,
-    /// Where friction contradicts the normal force in the simulation of the guess; nothing where that was not asked for.
-    pub(super) paradox: Option<Option<(usize, f64)>>,
+    /// What the simulation of the guess met, once it was asked for.
+    pub(super) met: Option<Met>,
     stepping: Programs,
     relaxation: Programs,
     volley: Option<Volley<'a>>,
@@ -149,7 +149,7 @@ impl<'a> Sources<'a> {
             options,
             given: VecDeque::new(),
             is_simulated: false,
-            paradox: None,
+            met: None,
             stepping: Programs::default(),
             relaxation: Programs::default(),
             volley: None,
@@ -239,7 +239,7 @@ impl<'a> Sources<'a> {
         let (o, durations) = (self.options, &self.p.given.durations);
         let run = simulate(self.p, &o.x0, &o.controls, durations)?;
         budget.simulated(self.p.given.dims.x, run.run.stats.steps);
-        self.paradox = Some(run.paradox());
+        self.met = Some(run.met());
         let track = run.track(self.p, &o.controls, durations)?;
         Ok(self.start([track]))
     }
