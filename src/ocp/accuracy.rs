@@ -309,6 +309,24 @@ pub(super) struct Elements {
     reason: String,
 }
 
+impl Elements {
+    /// Simulates a control stage that ends at `t`, and tells `look` times and states at the ends of its elements.
+    fn advance(&mut self, t: f64, u: &[f64], p: &[f64], look: &mut dyn FnMut(f64, &[f64])) -> Result<Outcome> {
+        self.simulator.set_params(p)?;
+        self.simulator.set_controls(u)?;
+        self.duration = t - self.simulator.time();
+        if self.duration <= 0.0 {
+            return Ok(Outcome::Reached);
+        }
+        let r = self.simulator.run(self.duration, STEPS, &mut Control::default())?;
+        stop::check()?;
+        self.switches.extend(r.trajectory.switches.iter().map(|s| s.t));
+        r.trajectory.elements.iter().for_each(|e| look(e.t + e.h, &e.x1));
+        self.reason = format!("the simulation by finite elements ended: {}", r.outcome.name());
+        Ok(if r.outcome == nlp::Outcome::Solved { Outcome::Reached } else { Outcome::NoContinuation })
+    }
+}
+
 /// Share of its usual size below which what a state is on the way says nothing of its size: it may be rounding.
 pub(super) const LITTLE: f64 = 1e-3;
 
@@ -415,19 +433,7 @@ impl Replay {
                 e.advance(t.max(e.time()))
             }
             Method::Projected(e) => e.advance(t, u, p),
-            Method::Elements(e) => {
-                e.simulator.set_params(p)?;
-                e.simulator.set_controls(u)?;
-                e.duration = t - e.simulator.time();
-                if e.duration <= 0.0 {
-                    return Ok(Outcome::Reached);
-                }
-                let r = e.simulator.run(e.duration, STEPS, &mut Control::default())?;
-                stop::check()?;
-                e.switches.extend(r.trajectory.switches.iter().map(|s| s.t));
-                e.reason = format!("the simulation by finite elements ended: {}", r.outcome.name());
-                Ok(if r.outcome == nlp::Outcome::Solved { Outcome::Reached } else { Outcome::NoContinuation })
-            }
+            Method::Elements(e) => e.advance(t, u, p, &mut |_, _| {}),
         }
     }
 
@@ -439,7 +445,7 @@ impl Replay {
         p: &[f64],
         watch: &mut Watch,
     ) -> Result<Outcome> {
-        let by_steps = match &mut self.method {
+        match &mut self.method {
             Method::Events(e) => {
                 e.set_params(p)?;
                 e.set_controls(u)?;
@@ -453,8 +459,9 @@ impl Replay {
                     if h > 0.0 {
                         let n = Watch::points(h, end - start);
                         let mut inside = std::mem::take(&mut watch.inside);
-                        for j in 1..n {
-                            let t = before + h * j as f64 / n as f64;
+                        // at the end of a step, too: what is reached there may lie behind a jump
+                        for j in 1..=n {
+                            let t = if j < n { before + h * j as f64 / n as f64 } else { e.time() };
                             if e.get_dky(t, 0, &mut inside).is_ok() {
                                 watch.look(t, &inside, (u, ramps), p);
                             }
@@ -463,17 +470,30 @@ impl Replay {
                         watch.look(e.time(), e.state(), (u, ramps), p);
                     }
                 }
-                Some(e.outcome())
+                Ok(e.outcome())
             }
-            _ => None,
-        };
-        match by_steps {
-            Some(outcome) => Ok(outcome),
-            // those that go to the end at once are looked at there
-            None => {
-                let outcome = self.advance(t, u, p)?;
-                watch.look(t, self.state(), (u, ramps), p);
+            Method::Projected(e) => {
+                let start = e.engine.time();
+                watch.look(start, &e.reached, (u, ramps), p);
+                let outcome = e.advance(t, u, p)?;
+                let h = e.engine.time() - start;
+                if let Some(path) = e.engine.path().filter(|_| h > 0.0) {
+                    let n = Watch::points(h, h);
+                    let mut inside = std::mem::take(&mut watch.inside);
+                    for j in 1..n {
+                        let t = start + h * j as f64 / n as f64;
+                        if path.eval(t, 0, &mut inside[1..]).is_ok() {
+                            watch.look(t, &inside, (u, ramps), p);
+                        }
+                    }
+                    watch.inside = inside;
+                }
+                watch.look(start + h, &e.reached, (u, ramps), p);
                 Ok(outcome)
+            }
+            Method::Elements(e) => {
+                watch.look(e.simulator.time(), e.simulator.state(), (u, ramps), p);
+                e.advance(t, u, p, &mut |t, x| watch.look(t, x, (u, ramps), p))
             }
         }
     }

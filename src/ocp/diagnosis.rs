@@ -120,7 +120,7 @@ impl Ocp {
     }
 
     /// That a constraint along the horizon is violated between the points at which it is imposed.
-    fn violated_between(&self, r: &OcpResult) -> Option<String> {
+    pub(super) fn violated_between(&self, r: &OcpResult) -> Option<String> {
         let b = r.accuracy.as_ref().filter(|_| r.is_solution()).and_then(|a| a.violated())?;
         let what = match b.of {
             Along::Path(k) => format!("row {} of path constraint {k} ('{}')", b.row, self.path[k].f.name()),

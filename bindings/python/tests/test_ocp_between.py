@@ -57,3 +57,39 @@ def test_added_points_leave_nothing_behind():
     again = ocp.solve()
     assert np.isclose(warm.cost, first.cost, rtol=1e-9)
     assert again.cost == first.cost and np.array_equal(again.controls, first.controls)
+
+
+def test_transitions_are_looked_at_on_both_sides():
+    # a saw tooth, which nothing moves: s = 0.25 + t up to 1 at t = 0.75, then from 0 on
+    m = Model(states="s", controls="u", name="saw")
+    m.transition(m.s > 1.0, reset={m.s: m.s - 1.0})
+    m.derivatives = [1.0 + 0.0 * m.u[0]]
+    ocp = swb.Ocp(m, 1.0, 2, lagrange=m.function(m.u[0] ** 2), initial_state=[0.25], control_bounds=(-1, 1))
+    ocp.add_path(m.s, -np.inf, 0.8)
+    r = ocp.solve()
+    assert r.success and len(r.jumps) == 1
+    assert r.accuracy.along_violation == pytest.approx(0.2, abs=1e-6) and r.accuracy.along_time == pytest.approx(0.75, abs=1e-6)
+    assert "path constraint 0" in r.message and r.certificate == "unknown"
+
+
+def still(kind):
+    """A system with the state sin t beside what events follow in another way, and a path constraint that holds at the ends of the horizon only."""
+    if kind == "algebraic":
+        m = Model(states="s c z", controls="u")
+        m.derivatives = [m.c, -m.z + 0.0 * m.u[0], m.z - m.s]
+        system, start = m.system(), [0.0, 1.0, 0.0]
+        system.set_algebraic(1)
+    else:
+        m = swb.Projected("s", u="u")
+        m.f([swb.cos(m.t) + 0.0 * m.u[0]])
+        m.constraint("far", 5.0 - m.x[0])
+        system, start = m.system(), [0.0]
+    ocp = swb.Ocp(system, 2 * np.pi, 1, lagrange=m.function(m.u[0] ** 2), initial_state=start, control_bounds=(-1, 1), n_fe=8, n_s=4)
+    ocp.add_path(m.x[0], -np.inf, 0.5)
+    return ocp
+
+
+@pytest.mark.parametrize("kind", ["algebraic", "projected"])
+def test_other_simulations_look_between_the_points(kind):
+    a = still(kind).solve().accuracy
+    assert a.along_violation == pytest.approx(0.5, abs=2e-3) and a.along_time == pytest.approx(np.pi / 2, abs=0.1)

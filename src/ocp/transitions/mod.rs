@@ -110,6 +110,9 @@ impl Ocp {
                 result.message = format!("{}{more}{text}", result.message);
             }
             result.accuracy = Some(found);
+            if let Some(text) = self.violated_between(&result) {
+                result.add_remark(&text);
+            }
         }
         if result.is_exact() {
             result.optimality = Some(self.certify_transitions(&result, &automaton, settled));
@@ -230,7 +233,7 @@ impl Ocp {
             grid_cost: None,
             tol: c.tol,
             terminal: e.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
-            path: e.path.iter().take(self.path.len()).map(Rows::of).collect(),
+            path: self.path.iter().map(Rows::of).collect(),
             x_bounds: [&self.x_bounds[0], &self.x_bounds[1]],
         };
         let mut engine = Replay::new(&e.system, None, e.lagrange.as_ref(), &answer, options)?;
