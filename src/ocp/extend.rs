@@ -103,19 +103,27 @@ impl Soft {
     }
 }
 
+/// Share of the usual length of a stage up to which one has no length. An interior point leaves a slack without a price where it
+/// is, and one at this price at the tolerance of the program divided by it.
+const EMPTY: f64 = 1e-6;
+
 impl Soft {
     /// Tells `take` the largest slack and the cost of the slacks, for the horizon or for every stage, whose controls are `wide`
-    /// numbers each.
+    /// numbers each. Slacks of a stage that has no length, where `usual` is a usual one, have no price: their values say nothing.
     pub(super) fn account(
         &self,
         at: &Slacks,
         params: &[f64],
         controls: &[f64],
         wide: usize,
-        durations: &[f64],
+        (durations, usual): (&[f64], f64),
         take: &mut dyn FnMut(f64, f64),
     ) {
-        let mut of = |slacks: &[f64], h: f64| take(slacks.iter().fold(0.0, |m, v| v.max(m)), self.penalty(slacks, h));
+        let mut of = |slacks: &[f64], h: f64| {
+            let priced = !self.by_stage() || h > EMPTY * usual;
+            let most = slacks.iter().filter(|_| priced).fold(0.0, |m: f64, v| v.max(m));
+            take(most, self.penalty(slacks, h));
+        };
         match at {
             Slacks::Params(r) => of(&params[r.clone()], 1.0),
             Slacks::Controls(r) => {

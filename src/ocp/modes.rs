@@ -29,7 +29,7 @@ impl ModeSequence {
         if let Some(k) = self.times.windows(2).position(|t| t[0] > t[1]) {
             return Err(Error::Range(format!("phase {} starts before phase {k}: the times must rise", k + 1)));
         }
-        if self.modes.is_empty() || self.modes.len() % n != 0 || self.cells.len() % n != 0 {
+        if self.modes.len() % n != 0 || self.cells.len() % n != 0 {
             return Err(Error::Dimension(format!(
                 "{} modes and {} cells for {n} phases: give one entry for every mode of every phase",
                 self.modes.len(),

@@ -6,6 +6,7 @@
 use std::time::{Duration, Instant};
 
 use super::accuracy::{self, with_cost};
+use super::adapt::Adaptation;
 use super::candidates::Candidates;
 use super::extend::Extended;
 use super::moves::Sequence;
@@ -84,6 +85,7 @@ impl Ocp {
         if self.projected.is_none() || !searches {
             return Ok(());
         }
+        let story = self.result.as_ref().and_then(|r| r.adaptation.clone());
         let mut follow = || -> Result<()> {
             self.look_for_contacts(request, control)?;
             for _ in 0..FOLLOWED {
@@ -95,9 +97,15 @@ impl Ocp {
         };
         match follow() {
             // the answer stays one where there is no time for others
-            Err(Error::Interrupted | Error::OutOfTime) => Ok(()),
-            r => r,
+            Err(Error::Interrupted | Error::OutOfTime) => {}
+            r => r?,
         }
+        // another answer is on a grid of its own, on which no round was made
+        if let Some(r) = self.result.as_mut().filter(|r| r.adaptation.is_none()) {
+            let reached = r.is_exact() && r.error() <= self.settings.adapt_tol;
+            r.adaptation = story.map(|s| Adaptation { reached, ..s });
+        }
+        Ok(())
     }
 
     /// The last answer, where it is exact and there is time left.

@@ -192,6 +192,16 @@ impl Ocp {
                     .into(),
             ));
         }
+        if self.settings.adapt_tol > 0.0 {
+            return Err(Error::Unsupported(
+                "grids of scenes are not adapted: set adapt_tol to 0, and n_fe or n_s higher".into(),
+            ));
+        }
+        if self.modes.is_some() {
+            return Err(Error::Unsupported(
+                "the order of contacts is searched and not given: guess controls that lead to it, and take the modes back".into(),
+            ));
+        }
         if !e.complementarity.is_empty() {
             return Err(Error::Unsupported(
                 "complementarity conditions of your own are not possible beside contacts: write them as contacts"
@@ -309,8 +319,9 @@ impl Ocp {
             }
         }
         let (mut violation, mut penalty) = (0f64, 0.0);
+        let usual = self.horizon / self.n_stages as f64;
         for (soft, at) in self.soft.iter().zip(&e.slacks).filter(|(s, _)| s.cost.is_none()) {
-            soft.account(at, &slack_params, all, wide, &durations, &mut |most, cost| {
+            soft.account(at, &slack_params, all, wide, (&durations, usual), &mut |most, cost| {
                 violation = violation.max(most);
                 penalty += cost;
             });

@@ -262,3 +262,19 @@ def test_a_valve_is_opened_though_nothing_moves_under_small_forces():
     ocp.set_lagrange(s.function(0.05 * s.u[0] ** 2 + 400 * (p - 0.2) ** 2))
     r = ocp.solve()
     assert r.success and r.cost < 7.33 and r.accuracy.terminal < 1e-6
+
+
+def test_grids_of_scenes_are_not_adapted_and_it_is_said():
+    with pytest.raises(swb.UnsupportedError, match="adapt_tol"):
+        puck(adapt_tol=1e-5).solve()
+
+
+def test_orders_of_contacts_are_not_given_and_it_is_said():
+    m = swb.Model(states="x", controls="u")
+    m.derivatives = [m.u[0] - m.x[0]]
+    smooth = swb.Ocp(m, 1.0, 4, lagrange=m.function(m.u[0] ** 2), initial_state=[1.0])
+    smooth.solve()
+    ocp = puck()
+    ocp.set_modes(smooth.modes)
+    with pytest.raises(swb.UnsupportedError, match="order of contacts"):
+        ocp.solve()

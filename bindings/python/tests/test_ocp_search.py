@@ -86,3 +86,29 @@ def test_the_grid_follows_the_error():
     assert a.rounds[0].elements == [2, 2, 2, 2] and len(a.rounds) > 1
     ocp.set(adapt_tol=0.0)
     assert ocp.solve().adaptation is None
+
+
+def test_modes_of_a_smooth_system_are_none_and_can_be_given():
+    m = Model(states="x", controls="u")
+    m.derivatives = [m.u[0] - m.x[0]]
+    ocp = swb.Ocp(m, 1.0, 4, lagrange=m.function(m.u[0] ** 2 + m.x[0] ** 2), initial_state=[1.0])
+    first = ocp.solve()
+    assert ocp.modes.modes.shape[1] == 0
+    ocp.set_modes(ocp.modes)
+    assert ocp.solve().cost == pytest.approx(first.cost, rel=1e-9)
+    # of a system that switches they are not enough
+    other = controlled()
+    with pytest.raises(swb.DimensionError):
+        other.set_modes(ocp.modes)
+        other.solve()
+
+
+def test_grids_of_projected_systems_are_adapted_in_words():
+    m = swb.Projected("q v", u="u", name="play")
+    q, v = m.x
+    m.f([v, m.u[0] - q])
+    m.constraint("wall", q - 0.5)
+    options = {"adapt_tol": 1e-6, "n_fe": 1, "n_s": 2, "initial_state": [1.0, -0.5], "control_bounds": (-2, 2)}
+    r = swb.Ocp(m, 1.2, 4, lagrange=m.function(q**2 + v**2 + m.u[0] ** 2), **options).solve()
+    assert r.success and r.adaptation.rounds
+    assert r.adaptation.reached == (r.accuracy.worst <= 1e-6)

@@ -218,3 +218,16 @@ def test_costs_with_kinks_beside_transitions_phases_and_feedback():
     assert np.abs(loop.x[-1]).max() < 0.2
     # it coasts: no smooth cost has forces that are zero
     assert (np.abs(loop.u) < 1e-6).sum() >= 5
+
+
+@pytest.mark.parametrize("norm", ["l1", "l2"])
+def test_violations_next_to_clocks_are_those_of_the_states(norm):
+    # a clock strikes at the start: the stage before it has no length, and its slack no price
+    m = swb.Model(states="q", controls="u", name="sampled")
+    m.derivatives = [m.hold(-1.0 * m.q, 0.25) + m.u[0]]
+    ocp = swb.Ocp(m, 1.2, 4, lagrange=m.function(m.u[0] ** 2), initial_state=[1.0], control_bounds=(-0.1, 0.1))
+    ocp.add_relaxed(m.q, 1.3, np.inf, at="control_grid", norm=norm, weight=5.0)
+    r = ocp.solve()
+    assert r.success and r.jumps[0].t == 0.0
+    ends = r.trajectory(np.cumsum(r.durations))[:, 0]
+    assert r.violation == pytest.approx(1.3 - ends.min(), abs=1e-5)

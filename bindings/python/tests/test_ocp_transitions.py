@@ -114,3 +114,13 @@ def test_an_answer_with_hysteresis_is_certified():
         for _ in range(5):
             moved = np.clip(r.controls + size * rng.standard_normal(r.controls.shape), 0, 3)
             assert simulated(moved) > best
+
+
+def test_a_clock_at_the_start_leaves_a_verdict():
+    # what comes before it has no length and no cost: the size of the cost is that of the whole horizon
+    m = swb.Model(states="q v", controls="F", name="sampled")
+    m.derivatives = [m.v, m.F - m.q + m.hold(-0.5 * m.v, 0.25)]
+    ocp = swb.Ocp(m, 1.2, 4, lagrange=m.function(m.q**2 + m.F**2), initial_state=[1.0, -0.5], control_bounds=(-2, 2))
+    r = ocp.solve()
+    assert r.success and r.jumps[0].t == 0.0
+    assert r.certificate == "local_optimum", r.optimality.reason

@@ -510,7 +510,7 @@ impl Ocp {
         let e = &b.extended;
         if e.system.n_algebraic() > 0 || !e.system.inclusions().is_empty() || !e.complementarity.is_empty() {
             return Ok(Optimality::unknown(
-                "problems with algebraic equations or inclusions are not simulated by events",
+                "the derivatives that judge an answer do not go through algebraic equations, inclusions and complementarities",
             ));
         }
         let d = e.system.dims();

@@ -277,6 +277,7 @@ impl<'a> Program<'a> {
                     durations: vec![0.0; n_stages],
                     cost: 0.0,
                     cost_reached: 0.0,
+                    priced: 0.0,
                     violation: 0.0,
                     dimensions,
                     ..r.clone()
@@ -300,6 +301,7 @@ impl<'a> Program<'a> {
 fn append(whole: &mut OcpResult, leg: &Leg, r: &OcpResult, nu: usize) {
     whole.cost += r.cost;
     whole.cost_reached += r.cost_reached;
+    whole.priced += r.priced;
     whole.violation = whole.violation.max(r.violation);
     whole.undefined |= r.undefined;
     for (k, duration) in r.durations.iter().enumerate() {
