@@ -97,6 +97,7 @@ NAVIGATION = """
       - Programs: benchmarks/mpcc.md
       - Scenes in optimal control: benchmarks/jumps.md
       - Paired comparisons: benchmarks/paired.md
+      - Ingredients by tasks: benchmarks/matrix.md
       - Model predictive control: benchmarks/nmpc.md
       - Contraction of real-time iterations: benchmarks/nmpc_contraction.md
       - Quadratic programs of control: benchmarks/nmpc_qp.md
