@@ -21,8 +21,6 @@ const FALL: f64 = 0.25;
 const WHOLE_STEP: f64 = 0.95;
 const FALLS: f64 = 0.02;
 const CONTRADICTED: usize = 5;
-/// Iterations in a row at which duality bounds the cost of the solution above the one that has to be met, until it is believed: the program is not convex.
-const BOUNDED: usize = 3;
 /// Share of a step from which it counts as a whole one, and change of the violation in it, as a share, that counts as none.
 const WHOLE: f64 = 0.5;
 const SAME: f64 = 0.1;
@@ -63,8 +61,6 @@ pub(crate) struct EarlyTermination {
     stationary: usize,
     /// Steps that were cut, less those that were not.
     cut: usize,
-    /// Iterations in a row at which duality has bounded the cost of the solution above the one that has to be met.
-    bounded: usize,
     begun: bool,
     over: bool,
     /// Largest modulus of the cost on the way, and of points that are feasible enough for it to say something.
@@ -86,7 +82,6 @@ impl EarlyTermination {
             seen: 0,
             stationary: 0,
             cut: 0,
-            bounded: 0,
             begun: false,
             over: false,
             largest: 0.0,
@@ -131,9 +126,7 @@ impl EarlyTermination {
         let near = self.since > CLOSE_PATIENCE.saturating_mul(iterations) && self.least > FEASIBLE;
         self.cut = if i.trials >= CUT && i.inf_pr <= FEASIBLE { self.cut + 1 } else { self.cut.saturating_sub(1) };
         let contradicts = self.stationary >= CONTRADICTED;
-        self.bounded = if i.phase == b' ' && i.bound > self.cost { self.bounded + 1 } else { 0 };
-        let is_dearer = self.bounded >= BOUNDED || self.is_too_expensive(i);
-        self.over = far || near || self.cut > cut || contradicts || is_dearer;
+        self.over = far || near || self.cut > cut || contradicts || self.is_too_expensive(i);
         self.over
     }
 
@@ -206,27 +199,6 @@ mod tests {
         // a fall by a tenth in every fourth step is a fall, and what is below the tolerance is a solution
         assert_eq!(given_up_after(|k| 1e-7 * 0.9f64.powi((k / 4) as i32), (1.0, 1e-8), 40), 40);
         assert_eq!(given_up_after(|_| 1e-10, (1.0, 1e-8), 40), 40);
-    }
-
-    #[test]
-    fn what_duality_says_to_be_too_expensive_is_given_up() {
-        let given_up = |bound: &dyn Fn(usize) -> f64, phase: u8| {
-            let mut p = patient(1.0);
-            // violations that fall keep it alive otherwise
-            let info = |k: usize| IterationInfo {
-                iter: k,
-                inf_pr: 0.5f64.powi(k as i32),
-                mu: 0.1,
-                bound: bound(k),
-                phase,
-                ..Default::default()
-            };
-            (0..20).find(|&k| p.should_stop(&info(k)))
-        };
-        assert_eq!(given_up(&|k| if k < 5 { 0.9 } else { 1.1 }, b' '), Some(5 + BOUNDED - 1));
-        assert_eq!(given_up(&|k| if k % BOUNDED == 0 { 0.9 } else { 1.1 }, b' '), None);
-        assert_eq!(given_up(&|_| 1.1, b'r'), None);
-        assert_eq!(given_up(&|_| f64::NEG_INFINITY, b' '), None);
     }
 
     #[test]

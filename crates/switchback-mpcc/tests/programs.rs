@@ -8,9 +8,8 @@ use switchback_mpcc::mpcc::{
     Sides, Stationarity, Warm,
 };
 use switchback_mpcc::nlp::{
-    Bounds, CallbackNlp, Control, Ipm, IpmSettings, IterationInfo, Monotone, Nlp, Outcome, SecondOrder, Start,
+    Bounds, CallbackNlp, Control, Ipm, IpmSettings, Monotone, Nlp, Outcome, SecondOrder, Start,
 };
-use switchback_mpcc::random::SplitMix64;
 use switchback_mpcc::settings::Portfolio;
 
 const INF: f64 = f64::INFINITY;
@@ -50,69 +49,6 @@ fn expect(mut p: CallbackNlp, b: &Bounds, x0: &[f64], x: &[f64], f: f64) {
 
 fn near(x: &[f64], y: &[f64]) -> bool {
     x.iter().zip(y).all(|(a, b)| (a - b).abs() < 1e-5)
-}
-
-/// The bounds of the cost that duality gives on the way, with the cost at the end.
-fn duality_bounds(mut p: CallbackNlp, b: &Bounds, x0: &[f64]) -> (Vec<f64>, Outcome, f64) {
-    let mut ipm = Ipm::new(&p, IpmSettings::default()).unwrap();
-    let mut rule = Monotone { mu_init: 0.1, tol: 1e-7, primal_tol: 1e-8 };
-    let mut seen = Vec::new();
-    let mut monitor = |i: &IterationInfo| {
-        seen.push(if i.phase == b' ' { i.bound } else { f64::NEG_INFINITY });
-        true
-    };
-    let mut control = Control { monitor: Some(&mut monitor), ..Control::default() };
-    let outcome = ipm.solve(&mut p, b, Start::Cold(x0), &mut rule, &mut control);
-    let cost = ipm.objective();
-    (seen, outcome, cost)
-}
-
-/// Convex programs: the cost of the solution is never below a bound, and the last ones are next to it.
-#[test]
-fn duality_bounds_the_cost_of_convex_programs_from_below() {
-    let mut numbers = SplitMix64::new(7);
-    for round in 0..40 {
-        let (n, m) = (3 + round % 5, 1 + round % 4);
-        let mut draw = |k: usize| -> Vec<f64> { (0..k).map(|_| 2.0 * numbers.share() - 1.0).collect() };
-        let (root, slope, rows, inside) = (draw(n * n), draw(n), draw(n * m), draw(n));
-        let at = |x: &[f64], i: usize| rows[i * n..(i + 1) * n].iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
-        let middle: Vec<f64> = (0..m).map(|i| at(&inside, i)).collect();
-        let f = Callback::new("f", Dims { x: n, u: 0, p: 0 }, 1, {
-            let (root, slope) = (root.clone(), slope.clone());
-            move |a, out| {
-                let turned = |i: usize| (0..n).map(|j| root[i * n + j] * a.x[j]).sum::<f64>();
-                out[0] = (0..n).map(|i| turned(i).powi(2) + slope[i] * a.x[i] + 0.1 * a.x[i].powi(4)).sum();
-                0
-            }
-        });
-        let c = Callback::new("c", Dims { x: n, u: 0, p: 0 }, m, {
-            let rows = rows.clone();
-            move |a, out| {
-                (0..m).for_each(|i| out[i] = (0..n).map(|j| rows[i * n + j] * a.x[j]).sum());
-                0
-            }
-        });
-        let p = CallbackNlp::new(n, 0, Arc::new(f), Some(Arc::new(c))).unwrap();
-        let of_row = |(i, v): (usize, &f64)| if i % 2 == 0 { (*v, *v) } else { (v - 0.3, INF) };
-        let c: Vec<(f64, f64)> = middle.iter().enumerate().map(of_row).collect();
-        let x: Vec<(f64, f64)> = inside.iter().map(|v| (v - 0.5, v + 0.2)).collect();
-        let (seen, outcome, cost) = duality_bounds(p, &bounds(&x, &c), &vec![0.0; n]);
-        assert_eq!(outcome, Outcome::Solved, "{round}");
-        let size = 1.0 + cost.abs();
-        let largest = seen.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        assert!(largest <= cost + 1e-5 * size, "{round}: {largest} above {cost}");
-        assert!(largest >= cost - 1e-3 * size, "{round}: {largest} far below {cost}");
-    }
-}
-
-/// Rows that contradict each other: the bound passes every cost.
-#[test]
-fn duality_bounds_grow_without_end_where_rows_contradict_each_other() {
-    let p = problem(2, |x, o| o[0] = x[0] * x[0] + x[1] * x[1], 2, |x, o| (o[0], o[1]) = (x[0] + x[1], x[0] + x[1]));
-    let b = bounds(&[(-INF, INF); 2], &[(1.0, 1.0), (2.0, INF)]);
-    let (seen, outcome, _) = duality_bounds(p, &b, &[0.3, 0.1]);
-    assert!(matches!(outcome, Outcome::Infeasible | Outcome::LocallyInfeasible), "{outcome:?}");
-    assert!(seen.iter().any(|v| *v > 1e3), "{seen:?}");
 }
 
 #[test]

@@ -19,7 +19,6 @@ mod augmented;
 mod callback;
 mod centrality;
 mod curvature;
-mod duality;
 mod filter;
 mod iterate;
 mod linesearch;

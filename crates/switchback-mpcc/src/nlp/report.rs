@@ -122,9 +122,6 @@ pub struct IterationInfo {
     pub iter: usize,
     /// Objective.
     pub objective: f64,
-    /// Bound of the cost of the solution from below, by duality at the point before the last step: of convex programs, and a forecast for others. Minus
-    /// infinity where none is known.
-    pub bound: f64,
     /// Primal infeasibility.
     pub inf_pr: f64,
     /// Dual infeasibility.
@@ -157,7 +154,6 @@ impl Default for IterationInfo {
         IterationInfo {
             iter: 0,
             objective: 0.0,
-            bound: f64::NEG_INFINITY,
             inf_pr: 0.0,
             inf_du: 0.0,
             mu: 0.0,

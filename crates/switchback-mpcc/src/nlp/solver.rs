@@ -720,7 +720,6 @@ impl Ipm {
             // dependent rows: only with a perturbed dual block does the step stay with the problem
             ok = self.system.factor_dependent(self.level.mu) && self.solve_direction(false);
         }
-        self.info.bound = if ok { self.bound() / nlp.objective_scale() } else { f64::NEG_INFINITY };
         self.corrected = ok && centre && self.correct_centrality();
         self.stats.time_linalg += clock.elapsed().as_secs_f64() - evaluated;
         ok
