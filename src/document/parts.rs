@@ -10,9 +10,10 @@ use crate::expr::{Block, Dag, ExprFunction, SavedGraph, Signature};
 use crate::func::{Dims, Function};
 use crate::memory::sizes::check as sizes;
 use crate::model::{SavedDirection, SavedRule, SavedValue};
-use crate::ocp::Linear;
 use crate::settings::{Settings, Value, OPTIONS};
-use crate::system::{Choice, Inclusion, Regions, Reset, SetValued, SharedFunction, Subsystem, System, Transition};
+use crate::system::{
+    Choice, Inclusion, Linear, Regions, Reset, SetValued, SharedFunction, Subsystem, System, Transition,
+};
 
 /// Numbers of which some may be infinite, which JSON writes as text.
 #[derive(Clone, Copy, Serialize, Deserialize)]

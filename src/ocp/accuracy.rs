@@ -6,7 +6,7 @@
 use super::between::{Between, Rows, Watch};
 use super::projected::projected_with_cost;
 use super::rewire::Rewire;
-use super::terms::{combination, Stack};
+use super::terms::Stack;
 use crate::error::{Error, Result};
 use crate::event::{Engine, Options, Outcome, Progress};
 use crate::fesd;
@@ -15,7 +15,7 @@ use crate::nlp::{self, Control};
 use crate::settings::Discretisation;
 use crate::sim::{Simulator, SolveOptions};
 use crate::stop::{self, Why};
-use crate::system::{SharedFunction, System};
+use crate::system::{combination, SharedFunction, System};
 use crate::tableau::Family;
 
 /// Steps the simulation may take: an answer that needs more is not worth the wait.

@@ -6,7 +6,6 @@ use std::fmt::Write as _;
 use super::between::Along;
 use super::extend::Slacks;
 use super::request::Request;
-use super::terms::combination;
 use super::{Norm, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::event;
@@ -17,7 +16,7 @@ use crate::nlp::{Bounds, Control, Nlp, Outcome};
 use crate::settings::Discretisation;
 use crate::sim::SolveOptions;
 use crate::stop;
-use crate::system::System;
+use crate::system::{combination, System};
 
 /// Evaluations after which a failure of a function has nothing to do with the end of a solve any more.
 const RECENT: usize = 30;

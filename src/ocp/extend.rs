@@ -3,12 +3,12 @@
 
 use super::rewire::Rewire;
 use super::squares::Squares;
-use super::terms::{combination, sum_of_squares, Stack};
-use super::{CostAt, Norm};
+use super::terms::{sum_of_squares, Stack};
+use super::{CostAt, Norm, Ocp};
 use crate::error::Result;
 use crate::fesd::{Boundary, PathAt, PathConstraint, PathPairs, Terminal};
 use crate::func::{Dims, Maximum};
-use crate::system::{SharedFunction, System};
+use crate::system::{combination, SharedFunction, System};
 
 const INF: f64 = f64::INFINITY;
 
@@ -107,29 +107,28 @@ impl Soft {
 /// is, and one at this price at the tolerance of the program divided by it.
 const EMPTY: f64 = 1e-6;
 
-impl Soft {
-    /// Tells `take` the largest slack and the cost of the slacks, for the horizon or for every stage, whose controls are `wide`
-    /// numbers each. Slacks of a stage that has no length, where `usual` is a usual one, have no price: their values say nothing.
-    pub(super) fn account(
-        &self,
-        at: &Slacks,
-        params: &[f64],
-        controls: &[f64],
-        wide: usize,
-        (durations, usual): (&[f64], f64),
-        take: &mut dyn FnMut(f64, f64),
-    ) {
-        let mut of = |slacks: &[f64], h: f64| {
-            let priced = !self.by_stage() || h > EMPTY * usual;
-            let most = slacks.iter().filter(|_| priced).fold(0.0, |m: f64, v| v.max(m));
-            take(most, self.penalty(slacks, h));
-        };
-        match at {
-            Slacks::Params(r) => of(&params[r.clone()], 1.0),
-            Slacks::Controls(r) => {
-                controls.chunks_exact(wide).zip(durations).for_each(|(u, h)| of(&u[r.clone()], *h));
+impl Ocp {
+    /// The largest slack of the relaxed constraints, and what all slacks cost, with parameters and controls of the extended problem. Slacks of a stage
+    /// that has no length have no price: their values say nothing.
+    pub(super) fn relaxation(&self, e: &Extended, params: &[f64], controls: &[f64], durations: &[f64]) -> (f64, f64) {
+        let usual = self.horizon / self.n_stages as f64;
+        let (mut most, mut cost) = (0f64, 0.0);
+        for (soft, at) in self.soft.iter().zip(&e.slacks).filter(|(s, _)| s.cost.is_none()) {
+            let mut count = |slacks: &[f64], h: f64| {
+                if !soft.by_stage() || h > EMPTY * usual {
+                    most = slacks.iter().fold(most, |m, v| v.max(m));
+                }
+                cost += soft.penalty(slacks, h);
+            };
+            match at {
+                Slacks::Params(r) => count(&params[r.clone()], 1.0),
+                Slacks::Controls(r) => {
+                    let stages = controls.chunks_exact(e.system.dims().u).zip(durations);
+                    stages.for_each(|(u, h)| count(&u[r.clone()], *h));
+                }
             }
         }
+        (most, cost)
     }
 }
 

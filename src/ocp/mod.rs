@@ -65,7 +65,6 @@ pub use phases::{MultiPhase, MultiPhaseResult};
 pub use sensitivity::OcpSensitivity;
 pub use starts::{Around, Starts};
 pub use statement::Statement;
-pub(crate) use terms::Linear;
 pub use transitions::JumpMade;
 
 use std::borrow::Cow;
@@ -84,7 +83,7 @@ use crate::memory::sizes;
 use crate::mpcc::{Certificate, Polish};
 use crate::nlp::{middle, Outcome, Residuals, Statistics};
 use crate::settings::Settings;
-use crate::system::{SharedFunction, System};
+use crate::system::{combination, SharedFunction, System};
 
 /// Finite elements of a stage at most.
 const MAX_ELEMENTS: usize = 100_000;
@@ -410,7 +409,7 @@ impl Ocp {
             return Err(Error::Range(format!("state {i} of {} cannot be periodic", d.x)));
         }
         let rows = states.iter().map(|&i| vec![(i, -1.0), (d.x + i, 1.0)]).collect();
-        let f = terms::combination("periodic", crate::func::Dims { x: 2 * d.x, ..d }, rows);
+        let f = combination("periodic", crate::func::Dims { x: 2 * d.x, ..d }, rows);
         let zeros = vec![0.0; states.len()];
         self.add_boundary(f, &zeros, &zeros)
     }
@@ -546,7 +545,7 @@ impl Ocp {
     pub fn add_horizon(&mut self, lower: f64, upper: f64) -> Result<()> {
         let d = self.system.dims();
         check_bounds("length of the horizon", &[lower], &[upper], 1)?;
-        let f = terms::combination("length of the horizon", d, vec![vec![(d.t_col(), 1.0)]]);
+        let f = combination("length of the horizon", d, vec![vec![(d.t_col(), 1.0)]]);
         self.add_terminal(f, &[self.t0 + lower], &[self.t0 + upper])
     }
 

@@ -7,7 +7,7 @@ use super::diagnosis::Case;
 use super::joint::{self, Link, Plan, Program};
 use super::request::{Comparison, Request};
 use super::solve::{Built, Start};
-use super::terms::{combination, Stack};
+use super::terms::Stack;
 use super::{check_bounds, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::func::Dims;
@@ -16,7 +16,7 @@ use crate::mpcc::{MpccSolver, Polish, Solution};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Residuals, Statistics};
 use crate::settings::Settings;
 use crate::sim::SolveOptions;
-use crate::system::SharedFunction;
+use crate::system::{combination, SharedFunction};
 
 /// Violations of links worth a word.
 const VIOLATED: f64 = 1e-6;

@@ -16,7 +16,7 @@ use super::request::Request;
 use super::rewire::Rewire;
 use super::sequence::{Room, Traced, LOWEST, SAMPLES, TOLERANCE};
 use super::solve::{Built, Start};
-use super::terms::{combination, Stack};
+use super::terms::Stack;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::event::{self, Engine};
@@ -24,7 +24,7 @@ use crate::func::Dims;
 use crate::nlp::{allowance, Control};
 use crate::settings::OcpStart;
 use crate::stop;
-use crate::system::{Contact, Inertia, Mechanics, SharedFunction, System};
+use crate::system::{combination, Contact, Inertia, Mechanics, SharedFunction, System};
 
 /// Why nothing is known of an answer whose gain may be the error of its discretisation.
 const WITHIN_ERROR: &str = "a descent on simulations gains no more than the answer is off its simulation";

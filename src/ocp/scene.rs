@@ -318,14 +318,7 @@ impl Ocp {
                 *p = v;
             }
         }
-        let (mut violation, mut penalty) = (0f64, 0.0);
-        let usual = self.horizon / self.n_stages as f64;
-        for (soft, at) in self.soft.iter().zip(&e.slacks).filter(|(s, _)| s.cost.is_none()) {
-            soft.account(at, &slack_params, all, wide, (&durations, usual), &mut |most, cost| {
-                violation = violation.max(most);
-                penalty += cost;
-            });
-        }
+        let (violation, penalty) = self.relaxation(e, &slack_params, all, &durations);
         let cost = a.cost - penalty;
         OcpResult {
             outcome: a.outcome,

@@ -631,14 +631,7 @@ impl Ocp {
         let (controls, ends) = (problem.controls(&s.x), problem.control_ends(&s.x));
         let durations = problem.stage_lengths(&s.x);
         let params = problem.params_at(&s.x);
-        let (mut violation, mut penalty) = (0f64, 0.0);
-        let usual = self.horizon / self.n_stages as f64;
-        for (soft, at) in self.soft.iter().zip(&e.slacks).filter(|(s, _)| s.cost.is_none()) {
-            soft.account(at, &params, &controls, wide, (&durations, usual), &mut |most, cost| {
-                violation = violation.max(most);
-                penalty += cost;
-            });
-        }
+        let (violation, penalty) = self.relaxation(e, &params, &controls, &durations);
         let cost = match problem.cost(&s.x) {
             Ok(c) => c - penalty,
             // no time left to ask: the solver knows

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::terms::{input, Places};
+use super::terms::Places;
 use crate::error::{Error, Result};
 use crate::func::{Dims, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
-use crate::system::SharedFunction;
+use crate::system::{input, SharedFunction};
 
 /// `(r − y)ᵀ W (r − y)` with the outputs `r` of a function and a symmetric matrix `W`; the references `y` are a block of
 /// the parameters behind those the function knows.

@@ -11,6 +11,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::linear::states;
 use super::{Regions, SharedFunction, Subsystem, System};
 use crate::error::{Error, Result};
 use crate::func::{Dims, EvalResult, Function, Point};
@@ -158,56 +159,6 @@ impl Function for Combination {
     }
 }
 
-/// States themselves, as outputs.
-pub(super) struct Coordinates {
-    name: &'static str,
-    dims: Dims,
-    states: Vec<usize>,
-    jac: Pattern,
-    hess: Pattern,
-}
-
-impl Coordinates {
-    /// These states, ascending, of functions of such sizes.
-    pub(super) fn new(name: &'static str, dims: Dims, states: Vec<usize>) -> Coordinates {
-        let (n, n_in) = (states.len(), dims.n_in());
-        let jac = Pattern::from_triplets(n, n_in, &(0..n).collect::<Vec<usize>>(), &states).0;
-        Coordinates { name, dims, states, jac, hess: Pattern::empty(n_in, n_in) }
-    }
-}
-
-impl Function for Coordinates {
-    fn name(&self) -> &str {
-        self.name
-    }
-    fn dims(&self) -> Dims {
-        self.dims
-    }
-    fn n_out(&self) -> usize {
-        self.states.len()
-    }
-    fn jac_pattern(&self) -> &Pattern {
-        &self.jac
-    }
-    fn hess_pattern(&self) -> &Pattern {
-        &self.hess
-    }
-    fn work_len(&self) -> usize {
-        0
-    }
-    fn value(&self, at: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
-        self.states.iter().zip(out).for_each(|(i, o)| *o = at.x[*i]);
-        Ok(())
-    }
-    fn jacobian(&self, _: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
-        out.fill(1.0);
-        Ok(())
-    }
-    fn hessian(&self, _: &Point, _: &[f64], _: &mut [f64], _: &mut [f64]) -> EvalResult {
-        Ok(())
-    }
-}
-
 impl System {
     /// Adds `0 ≤ a_k ⊥ b_k ≥ 0` to the equation of every algebraic state in `rows`: one of both is zero, and the other one is not negative. Without
     /// `a` it is the state itself. Each is a subsystem with two modes, `a_k = 0` and `b_k = 0`; the number of the first of them is returned.
@@ -234,7 +185,7 @@ impl System {
         let mut order: Vec<usize> = rows.to_vec();
         order.sort_unstable();
         let own = |k: usize| if a.is_some() { k } else { order.binary_search(&rows[k]).unwrap_or(0) };
-        let a = a.clone().unwrap_or_else(|| Arc::new(Coordinates::new("the states", self.dims, order.clone())));
+        let a = a.clone().unwrap_or_else(|| states("the states", self.dims, &order));
         for (k, row) in rows.iter().enumerate() {
             let function = |name: &str, rows| -> SharedFunction {
                 Arc::new(Combination::new(format!("{name} of {}", b.name()), vec![a.clone(), b.clone()], rows))

@@ -4,8 +4,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::algebraic::{Algebraic, Solver};
-use super::complementary::{Combination, Coordinates};
+use super::complementary::Combination;
 use super::held::{bends_of, Taken};
+use super::linear::states;
 use super::{Direction, Regions, Reset, Rule, SharedFunction, Subsystem, System, Transition};
 use crate::error::{Error, Result};
 use crate::func::{Dims, EvalResult, Function, Point};
@@ -514,8 +515,8 @@ impl System {
                 system.transitions.extend(exits.iter().map(|(terms, to)| next(crosses(terms), k, [mode, *to])));
             }
         }
-        let z = self.algebraic_states().collect();
-        let own: SharedFunction = Arc::new(Coordinates::new("algebraic states", self.dims, z));
+        let z: Vec<usize> = self.algebraic_states().collect();
+        let own = states("algebraic states", self.dims, &z);
         let unknowns = plain(&own);
         Ok(Some(Elimination { system, algebraic, unknowns }))
     }

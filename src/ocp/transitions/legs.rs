@@ -7,10 +7,9 @@ use crate::fesd::{Durations, Element, PathAt, PathConstraint, Place, RowMeaning,
 use crate::func::Function;
 use crate::nlp::Bounds;
 use crate::ocp::solve::Built;
-use crate::ocp::terms::combination;
 use crate::ocp::{CostAt, Norm, Ocp};
 use crate::settings::RkFamily;
-use crate::system::{Direction, Transition};
+use crate::system::{combination, Direction, Transition};
 
 const INF: f64 = f64::INFINITY;
 /// Share of a stage a piece of it has at least where a solve starts.

@@ -253,9 +253,9 @@ mod tests {
     use super::*;
     use crate::func::{Callback, Dims};
     use crate::linalg::csc::Pattern;
-    use crate::ocp::terms::combination;
     use crate::search::{Limits, Space};
     use crate::settings::Settings;
+    use crate::system::combination;
     use crate::system::{Direction, Rule, SharedFunction, System, Transition};
     use std::sync::Arc;
 

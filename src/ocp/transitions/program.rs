@@ -12,8 +12,9 @@ use crate::nlp::{Bounds, Control, Outcome};
 use crate::ocp::joint::{self, Coupling, Plan, Source};
 use crate::ocp::request::Request;
 use crate::ocp::solve::{Built, Start};
-use crate::ocp::terms::{combination, Places, Stack};
+use crate::ocp::terms::{Places, Stack};
 use crate::ocp::{JumpMade, Ocp, OcpResult};
+use crate::system::combination;
 
 /// The program, built.
 pub(super) struct Program<'a> {
