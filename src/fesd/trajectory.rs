@@ -8,7 +8,7 @@ use crate::mpcc::Side;
 use crate::tableau::Tableau;
 
 /// One finite element of a solution.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Element {
     /// Start.
     pub t: f64,

@@ -1,11 +1,11 @@
 //! Answers in the terms of the scene: motion with both limits at jumps, impacts, forces, contact modes.
 
 use super::answer::Answer;
-use super::modes::{ContactMode, Sequence};
+use super::modes::{ContactMode, Phase, Sequence};
 use super::problem::Problem;
 use super::track::{Piece, Track};
 use crate::error::{Error, Result};
-use crate::event::{Impact, ImpactKind};
+use crate::event::{Impact, ImpactKind, Run};
 use crate::fesd::{Element, Trajectory};
 use crate::freezing::Report;
 use crate::func::Point;
@@ -23,7 +23,16 @@ pub struct Contacts {
     pub tried: usize,
     /// What stood for the contacts in numerical time, with strengths and warnings, where the search was by time-freezing.
     pub freezing: Option<Report>,
-    track: Track,
+    motion: Motion,
+}
+
+/// What modes and forces are read off.
+#[derive(Debug, Clone)]
+enum Motion {
+    /// The answer of a program.
+    Program(Track),
+    /// A simulation, with the modes of its phases.
+    Simulation(Box<Run>, Vec<Vec<ContactMode>>),
 }
 
 impl Contacts {
@@ -56,33 +65,81 @@ impl Contacts {
             }
         }
         let (sequence, freezing) = (answer.sequence.clone(), answer.freezing.clone());
-        Contacts { names: p.contact_names(), impacts, sequence, tried: answer.tried, freezing, track }
+        Contacts {
+            names: p.contact_names(),
+            impacts,
+            sequence,
+            tried: answer.tried,
+            freezing,
+            motion: Motion::Program(track),
+        }
     }
 
-    fn piece(&self, t: f64) -> Result<&Piece> {
-        let (first, last) = (self.track.pieces.first(), self.track.pieces.last());
+    /// Of a simulation of a scene with dense output, whose control stages end at these times.
+    pub(crate) fn of_run(run: Run, ends: &[f64]) -> Contacts {
+        let modes: Vec<Vec<ContactMode>> = run
+            .phases
+            .iter()
+            .map(|p| p.modes.iter().map(|m| ContactMode::from_number(*m).unwrap_or(ContactMode::Open)).collect())
+            .collect();
+        let start = run.phases.first().map_or(f64::NAN, |p| p.t);
+        let mut stages = Vec::with_capacity(ends.len());
+        let mut from = start;
+        for &to in ends {
+            let behind = run.phases.iter().map(|p| p.t).skip(1).chain([f64::INFINITY]);
+            let within = run.phases.iter().map(|p| p.t).zip(behind).zip(&modes);
+            let phase = |((a, b), modes): ((f64, f64), &Vec<ContactMode>)| {
+                let share = (b.min(to) - a.max(from)) / (to - from);
+                let hit = a > from && run.impacts.iter().any(|i| i.t == a);
+                (share > 0.0).then(|| Phase { modes: modes.clone(), jump: hit.then(|| modes.clone()), share })
+            };
+            stages.push(within.filter_map(phase).collect());
+            from = to;
+        }
+        let names = run.mechanics.iter().flat_map(|m| m.contacts.iter().map(|c| c.name.clone())).collect();
+        let (impacts, sequence) = (run.impacts.clone(), Sequence { stages });
+        Contacts {
+            names,
+            impacts,
+            sequence,
+            tried: 1,
+            freezing: None,
+            motion: Motion::Simulation(Box::new(run), modes),
+        }
+    }
+
+    fn piece<'a>(track: &'a Track, t: f64) -> Result<&'a Piece> {
+        let (first, last) = (track.pieces.first(), track.pieces.last());
         let (Some(first), Some(last)) = (first, last) else {
             return Err(Error::State("there is no motion: solve first".into()));
         };
         let end = last.t + last.h;
-        // times that are sums of lengths
-        let slack = 1e-12 * end.abs().max(first.t.abs()).max(end - first.t);
-        if !(t >= first.t - slack && t <= end + slack) {
-            return Err(Error::Range(format!("time {t} is outside of the motion, {} to {end}", first.t)));
-        }
-        self.track.piece(t, false).ok_or_else(|| Error::Internal("a motion without pieces".into()))
+        check_time(t, first.t, end)?;
+        track.piece(t, false).ok_or_else(|| Error::Internal("a motion without pieces".into()))
     }
 
     /// Modes of all contacts at a time; at the time of an event those before it.
     pub fn modes(&self, t: f64) -> Result<&[ContactMode]> {
-        Ok(&self.piece(t)?.modes)
+        match &self.motion {
+            Motion::Program(track) => Ok(&Contacts::piece(track, t)?.modes),
+            Motion::Simulation(run, modes) => {
+                let t = within(run, t)?;
+                let behind = run.phases.partition_point(|p| p.t < t);
+                let known = modes.get(behind.saturating_sub(1));
+                known.map(|m| &m[..]).ok_or_else(|| Error::Internal("a motion without phases".into()))
+            }
+        }
     }
 
-    /// Normal and tangential force of all contacts at a time: forces, not impulses.
+    /// Normal and tangential forces of all contacts at a time: forces, not impulses.
     pub fn forces(&self, t: f64) -> Result<Vec<[f64; 3]>> {
-        let n = self.piece(t)?.modes.len();
+        let track = match &self.motion {
+            Motion::Program(track) => track,
+            Motion::Simulation(run, _) => return run.contact_forces(within(run, t)?),
+        };
+        let n = Contacts::piece(track, t)?.modes.len();
         let of = |i: usize| {
-            let [normal, tangential] = self.track.force(t, i);
+            let [normal, tangential] = track.force(t, i);
             [normal, tangential, 0.0]
         };
         Ok((0..n).map(of).collect())
@@ -90,8 +147,15 @@ impl Contacts {
 
     /// Parts of the horizon with their modes: start, end, modes.
     pub fn phases(&self) -> Vec<(f64, f64, Vec<ContactMode>)> {
+        let track = match &self.motion {
+            Motion::Program(track) => track,
+            Motion::Simulation(run, modes) => {
+                let ends = run.phases.iter().map(|p| p.t).skip(1).chain([run.t]);
+                return run.phases.iter().zip(ends).zip(modes).map(|((p, end), m)| (p.t, end, m.clone())).collect();
+            }
+        };
         let mut out: Vec<(f64, f64, Vec<ContactMode>)> = Vec::new();
-        for p in &self.track.pieces {
+        for p in &track.pieces {
             match out.last_mut() {
                 Some(last) if last.2 == p.modes && p.jump.is_none() => last.1 = p.t + p.h,
                 _ => out.push((p.t, p.t + p.h, p.modes.clone())),
@@ -99,6 +163,22 @@ impl Contacts {
         }
         out
     }
+}
+
+/// Is a time one of a motion, but for the rounding of times that are sums of lengths?
+fn check_time(t: f64, start: f64, end: f64) -> Result<()> {
+    let slack = 1e-12 * end.abs().max(start.abs()).max(end - start);
+    if t >= start - slack && t <= end + slack {
+        return Ok(());
+    }
+    Err(Error::Range(format!("time {t} is outside of the motion, {start} to {end}")))
+}
+
+/// A time of a simulation.
+fn within(run: &Run, t: f64) -> Result<f64> {
+    let start = run.phases.first().map_or(run.t, |p| p.t);
+    check_time(t, start, run.t)?;
+    Ok(t.max(start).min(run.t))
 }
 
 /// Rate of the gap of contact `i` at a state at the start of a piece.

@@ -4,7 +4,6 @@
 //! finer grid.
 
 use super::between::{Between, Rows, Watch};
-use super::projected::projected_with_cost;
 use super::rewire::Rewire;
 use super::terms::Stack;
 use crate::error::{Error, Result};
@@ -191,6 +190,9 @@ pub(super) struct Answer<'a> {
     pub params: &'a [f64],
     /// States at the ends of the stages `[n_stages · nx]`.
     pub states: &'a [f64],
+    /// Of every stage with an event at its end the state on the other side of that: which side a simulation is on at that time is rounding.
+    /// Empty where no events are known.
+    pub beside: &'a [Option<Vec<f64>>],
     pub cost: f64,
     /// Size of the cost for tolerances.
     pub cost_size: f64,
@@ -241,6 +243,7 @@ impl Answer<'_> {
                 linear: self.linear,
                 params: &self.params[k * np..(k + 1) * np],
                 states: &self.states[k * nx..(k + 1) * nx],
+                beside: &self.beside[k.min(self.beside.len())..(k + 1).min(self.beside.len())],
                 cost: 0.0,
                 cost_size: self.cost_size,
                 mayer: None,
@@ -377,12 +380,10 @@ impl Replay {
             };
             return Ok(Replay { method: Method::Projected(Box::new(projected)), tol, sizes, options: *options });
         }
-        let extended = match projected {
-            Some(projected) => projected_with_cost(projected, system.dims(), lagrange, answer.linear)?,
-            None => with_cost(system, lagrange, answer.linear)?,
-        };
+        let extended = with_cost(projected.unwrap_or(system), system.dims(), lagrange, answer.linear)?;
         let sizes = sizes_of(answer);
-        if projected.is_some() || system.n_algebraic() == 0 && system.inclusions().is_empty() {
+        let only_events = projected.is_some() || system.mechanics().is_some() || !system.transitions().is_empty();
+        if only_events || system.n_algebraic() == 0 && system.inclusions().is_empty() {
             let loose = Options { max_steps: MAX_STEPS, ..tolerances(tol, &sizes) };
             let method = Method::Events(Box::new(Engine::stopping_for_all(&extended, &loose)?));
             return Ok(Replay { method, tol, sizes, options: *options });
@@ -657,13 +658,15 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
             found.reason = stop::requested().map_or_else(|| engine.reason().to_owned(), |why| why.words().into());
             return Ok(found);
         }
-        for (i, a) in engine.state()[first..].iter().enumerate() {
-            let b = answer.states[k * nx + i];
+        let own = &answer.states[k * nx..(k + 1) * nx];
+        let off = |b: &[f64]| engine.state()[first..].iter().zip(b).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
+        let other = answer.beside.get(k).and_then(|b| b.as_deref()).filter(|b| off(b) < off(own));
+        let there = other.unwrap_or(own);
+        for (i, (a, b)) in engine.state()[first..].iter().zip(there).enumerate() {
             differences[k * nx + i] = (a - b).abs();
             sizes[i] = sizes[i].max(a.abs()).max(b.abs());
         }
-        let pairs = engine.state()[first..].iter().zip(&answer.states[k * nx..(k + 1) * nx]);
-        found.stages[k] = pairs.fold(0.0, |m, (a, b)| m.max((a - b).abs()));
+        found.stages[k] = off(there);
         if let Some(f) = answer.grid_cost {
             u.copy_from_slice(&answer.control_ends[k * nu..(k + 1) * nu]);
             let at = Point { t, x: &engine.state()[first..], u: &u, p: &answer.params[k * np..(k + 1) * np] };
@@ -709,17 +712,23 @@ pub(super) fn values(f: &SharedFunction, at: &Point) -> Vec<f64> {
     out
 }
 
-/// The system behind the integral of `lagrange` and its linear controls, which are states here.
-pub(super) fn with_cost(system: &System, lagrange: Option<&SharedFunction>, linear: &[bool]) -> Result<System> {
+/// The system behind the integral of `lagrange` and its linear controls, which are states here; `wide` has as many controls and parameters as
+/// `lagrange`, those of the system first.
+pub(super) fn with_cost(
+    system: &System,
+    wide: Dims,
+    lagrange: Option<&SharedFunction>,
+    linear: &[bool],
+) -> Result<System> {
     let d = system.dims();
     let ramps: Vec<(usize, usize)> = (0..linear.len()).filter(|&j| linear[j]).zip(1..).collect();
-    let wide = Dims { x: d.x + ramps.len() + 1, ..d };
-    let rewire = Rewire::behind(d, wide, &ramps);
-    let zeros = |n: usize| combination("0", wide, vec![Vec::new(); n]);
-    let slopes = combination("slopes", wide, ramps.iter().map(|&(j, _)| vec![(wide.x + j, 1.0)]).collect());
-    let own = |f: Option<&SharedFunction>, n: usize| f.map_or_else(|| zeros(n), |f| rewire.function(f));
-    let parts = [own(lagrange, 1), slopes, own(system.f0(), d.x)];
-    let all = || (0..wide.n_in()).collect::<Vec<usize>>();
-    let f0 = Stack::of("f0", wide, parts.into_iter().map(|f| (f, all())).collect());
-    rewire.system_with(system, Some(f0))
+    let to = Dims { x: d.x + ramps.len() + 1, ..wide };
+    let cost = match lagrange {
+        Some(f) => Rewire::behind(wide, to, &ramps).function(f),
+        None => combination("0", to, vec![Vec::new()]),
+    };
+    let slopes = combination("slopes", to, ramps.iter().map(|&(j, _)| vec![(to.x + j, 1.0)]).collect());
+    let all = || (0..to.n_in()).collect::<Vec<usize>>();
+    let rates = Stack::of("rates", to, vec![(cost, all()), (slopes, all())]);
+    Rewire::behind(d, to, &ramps).behind_rates(system, rates)
 }

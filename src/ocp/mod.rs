@@ -43,6 +43,7 @@ mod rewire;
 mod scene;
 mod sensitivity;
 mod sequence;
+mod simulated;
 mod smoothing;
 mod solve;
 mod squares;
@@ -233,6 +234,10 @@ pub struct Ocp {
     largest: f64,
     /// The last solution one control stage later, where the next warm solve is to start from it.
     shifted: Option<Box<OcpResult>>,
+    /// Is it followed by simulations alone?
+    only_simulates: bool,
+    /// What derivatives of an answer of shooting are made of.
+    simulated: Option<Box<simulated::Last>>,
     /// How contact modes are found, where the system is a scene, and what the last solve knows of them.
     scene: scene::SceneControl,
 }
@@ -242,9 +247,7 @@ impl Ocp {
     /// free, parameters have no values until they are set.
     pub fn new(system: &System, horizon: f64, n_stages: usize, settings: &Settings) -> Result<Ocp> {
         system.validate()?;
-        system.check_transitions_are_followed()?;
         system.check_modes_known()?;
-        system.mechanics().map_or(Ok(()), |m| m.check_contacts("optimal control"))?;
         settings.validate()?;
         check_positive("the horizon", horizon)?;
         if n_stages == 0 {
@@ -253,7 +256,9 @@ impl Ocp {
         sizes::check("control stages", &[n_stages])?;
         let d = system.dims();
         let free = |n: usize| [vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]];
-        let (given, system) = (system, system.with_multipliers()?);
+        let only_simulates = simulated::only_simulates(system);
+        let given = system;
+        let system = if only_simulates { Cow::Borrowed(given) } else { given.with_multipliers()? };
         let projected = matches!(system, Cow::Owned(_)).then(|| given.clone());
         Ok(Ocp {
             system: system.into_owned(),
@@ -296,6 +301,8 @@ impl Ocp {
             measured: None,
             largest: 0.0,
             shifted: None,
+            only_simulates,
+            simulated: None,
             scene: scene::SceneControl::default(),
         })
     }

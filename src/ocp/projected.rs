@@ -13,18 +13,15 @@ use super::moves::Sequence;
 use super::optimality::{Kink, Optimality, Verdict, NONE as NO_SLOPE, OTHER};
 use super::portfolio::GAIN;
 use super::request::Request;
-use super::rewire::Rewire;
 use super::sequence::{Room, Traced, LOWEST, SAMPLES, TOLERANCE};
 use super::solve::{Built, Start};
-use super::terms::Stack;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::event::{self, Engine};
-use crate::func::Dims;
 use crate::nlp::{allowance, Control};
 use crate::settings::OcpStart;
 use crate::stop;
-use crate::system::{combination, Contact, Inertia, Mechanics, SharedFunction, System};
+use crate::system::System;
 
 /// Why nothing is known of an answer whose gain may be the error of its discretisation.
 const WITHIN_ERROR: &str = "a descent on simulations gains no more than the answer is off its simulation";
@@ -42,10 +39,8 @@ const FOLLOWED: usize = 10;
 impl Ocp {
     /// The system that answers are simulated with for derivatives: the cost, then linear controls, then the states.
     pub(super) fn system_with_cost(&self, e: &Extended) -> Result<System> {
-        match &self.projected {
-            Some(projected) => projected_with_cost(projected, e.system.dims(), e.lagrange.as_ref(), &self.linear),
-            None => with_cost(&e.system, e.lagrange.as_ref(), &self.linear),
-        }
+        let system = self.projected.as_ref().unwrap_or(&e.system);
+        with_cost(system, e.system.dims(), e.lagrange.as_ref(), &self.linear)
     }
 
     /// Judges an answer of a projected system by a descent from it.
@@ -228,60 +223,4 @@ impl Ocp {
         }
         Ok(Some(found))
     }
-}
-
-/// A projected system with more parameters and controls, behind the integral of `lagrange` and its linear controls, whose rates are controls then.
-/// These are coordinates: contacts act on the states behind them alone.
-pub(super) fn projected_with_cost(
-    system: &System,
-    wide: Dims,
-    lagrange: Option<&SharedFunction>,
-    linear: &[bool],
-) -> Result<System> {
-    let from = system.dims();
-    let ramps: Vec<(usize, usize)> = (0..linear.len()).filter(|&j| linear[j]).zip(1..).collect();
-    let first = 1 + ramps.len();
-    let to = Dims { x: from.x + first, ..wide };
-    let Some(m) = system.mechanics() else { return Ok(system.clone()) };
-    // what is behind the parameters of the system stays behind those of the wider one
-    let gather = |f: &SharedFunction| {
-        let more = f.dims().p - from.p;
-        let places = Dims { p: to.p + more, ..to };
-        let states = (0..from.x).map(|i| first + i);
-        let ramp = |j: usize| ramps.iter().find(|r| r.0 == j).map(|r| r.1);
-        let controls = (0..from.u).map(|j| ramp(j).unwrap_or(to.x + j));
-        let own = (0..from.p).map(|k| to.x + to.u + k);
-        let behind = (0..more).map(|k| to.t_col() + k);
-        let columns = states.chain(controls).chain(own).chain(behind).chain([places.t_col()]).collect();
-        Stack::gather(f, places, columns)
-    };
-    let cost = match lagrange {
-        Some(l) => Rewire::behind(wide, to, &ramps).function(l),
-        None => combination("0", to, vec![Vec::new()]),
-    };
-    let slopes = combination("slopes", to, ramps.iter().map(|&(j, _)| vec![(to.x + j, 1.0)]).collect());
-    let all = || (0..to.n_in()).collect::<Vec<usize>>();
-    let smooth = Stack::of("f0", to, vec![(cost, all()), (slopes, all()), (gather(&m.smooth), all())]);
-    let contact = |c: &Contact| Contact {
-        gap: gather(&c.gap),
-        motion: gather(&c.motion),
-        reaction: gather(&c.reaction),
-        local: None,
-        ..c.clone()
-    };
-    let inertia = match &m.inertia {
-        Inertia::Varying { matrix, product } => Inertia::Varying { matrix: gather(matrix), product: gather(product) },
-        other => other.clone(),
-    };
-    let contacts = m.contacts.iter().map(contact).collect();
-    let wider = Mechanics {
-        n_q: first,
-        smooth,
-        inertia,
-        contacts,
-        bounds: Vec::new(),
-        projection: None,
-        ..Mechanics::clone(m)
-    };
-    System::of_mechanics(wider, to.u, to.p)
 }

@@ -1,9 +1,12 @@
 //! A system as part of one with more states, controls or parameters.
 
-use super::terms::{Places, Stack};
+use super::terms::{Places, Spaced, Stack};
 use crate::error::Result;
 use crate::func::Dims;
-use crate::system::{Inclusion, Regions, Reset, SharedFunction, Subsystem, System, Transition};
+use crate::system::combination;
+use crate::system::{
+    Contact, Inclusion, Inertia, Kind, Local, Mechanics, Regions, Reset, SharedFunction, Subsystem, System, Transition,
+};
 
 /// Where the inputs of functions of sizes `from` are among inputs of sizes `to`.
 pub(super) struct Rewire {
@@ -55,8 +58,98 @@ impl Rewire {
         Stack::gather(f, Dims { x: self.to.x + n, ..self.to }, columns)
     }
 
+    /// The same of a function with more parameters behind those of the system: weights of switches, accelerations, forces.
+    fn with_params(&self, f: &SharedFunction) -> SharedFunction {
+        if self.is_plain() {
+            return f.clone();
+        }
+        let more = f.dims().p - self.from.p;
+        let to = Dims { p: self.to.p + more, ..self.to };
+        let own = &self.columns[..self.from.t_col()];
+        let behind = self.to.t_col()..self.to.t_col() + more;
+        Stack::gather(f, to, own.iter().copied().chain(behind).chain([to.t_col()]).collect())
+    }
+
+    /// A contact, with the coordinates that are added in front of its own.
+    fn contact(&self, c: &Contact, n_v: usize) -> Contact {
+        let motion = self.with_params(&c.motion);
+        let motion = match c.kind {
+            // the gradient of its switching function has a place for every state
+            Kind::Switch if self.first > 0 => Spaced::of(&motion, Contact::motion_len(n_v, 1) + n_v, self.first),
+            _ => motion,
+        };
+        // what it touches has controls of its own
+        let has_ramps = self.columns[self.from.x..].iter().any(|c| *c < self.to.x);
+        let local = c.local.as_ref().filter(|_| !has_ramps).map(|l| self.local(l));
+        Contact { gap: self.function(&c.gap), motion, reaction: self.with_params(&c.reaction), local, ..c.clone() }
+    }
+
+    fn local(&self, l: &Local) -> Local {
+        let x = l.coordinates.len() + l.velocities.len() + l.others.len();
+        let (from, to) = (Dims { x, ..self.from }, Dims { x, ..self.to });
+        let widened = Rewire::widen(from, to);
+        Local {
+            coordinates: l.coordinates.iter().map(|i| i + self.first).collect(),
+            gap: widened.function(&l.gap),
+            rows: widened.function(&l.rows),
+            ..l.clone()
+        }
+    }
+
+    /// Equations of motion with contacts: what is added in front of the states are coordinates, with these rates.
+    fn mechanics(&self, m: &Mechanics, front: Option<SharedFunction>) -> Mechanics {
+        let own = self.with_params(&m.smooth);
+        let smooth = match front {
+            Some(f) => {
+                let d = own.dims();
+                let columns = Places::leading(self.to).columns(self.to, d);
+                Stack::of("smooth", d, vec![(f, columns), (own, (0..d.n_in()).collect())])
+            }
+            None => own,
+        };
+        let inertia = match &m.inertia {
+            Inertia::Varying { matrix, product } => {
+                Inertia::Varying { matrix: self.function(matrix), product: self.with_params(product) }
+            }
+            other => other.clone(),
+        };
+        let free = if m.bounds.is_empty() { 0 } else { self.first };
+        Mechanics {
+            n_q: self.first + m.n_q,
+            smooth,
+            inertia,
+            contacts: m.contacts.iter().map(|c| self.contact(c, m.n_v)).collect(),
+            bounds: vec![None; free].into_iter().chain(m.bounds.iter().copied()).collect(),
+            projection: None,
+            ..m.clone()
+        }
+    }
+
+    /// The system with the new inputs behind states with these rates, in front of its own.
+    pub fn behind_rates(&self, s: &System, rates: SharedFunction) -> Result<System> {
+        if let Some(m) = s.mechanics() {
+            let mut out = System::of_mechanics(self.mechanics(m, Some(rates)), self.to.u, self.to.p)?;
+            self.add_rest(s, &mut out)?;
+            return Ok(out);
+        }
+        let all = || (0..self.to.n_in()).collect::<Vec<usize>>();
+        let own = match s.f0() {
+            Some(f) => self.function(f),
+            None => combination("0", self.to, vec![Vec::new(); self.from.x]),
+        };
+        self.system_with(s, Some(Stack::of("f0", self.to, vec![(rates, all()), (own, all())])))
+    }
+
+    /// What every kind of system may have.
+    fn add_rest(&self, s: &System, out: &mut System) -> Result<()> {
+        for t in s.transitions() {
+            out.add_transition(self.transition(t))?;
+        }
+        out.add_known_times(s.known_times())
+    }
+
     /// The system with the new inputs and another smooth part, which knows them.
-    pub fn system_with(&self, s: &System, f0: Option<SharedFunction>) -> Result<System> {
+    fn system_with(&self, s: &System, f0: Option<SharedFunction>) -> Result<System> {
         let mut out = System::new(self.to.x, self.to.u, self.to.p)?;
         if let Some(f0) = f0 {
             out.set_f0(f0)?;
@@ -74,11 +167,10 @@ impl Rewire {
             let (f, psi) = (self.with_steps(&i.f, i.psi.n_out()), self.function(&i.psi));
             out.add_inclusion(Inclusion { rows: rows(&i.rows), f, psi, set: i.set })?;
         }
+        // states that transitions alone change stand behind the algebraic ones
+        self.add_rest(s, &mut out)?;
         if s.n_algebraic() > 0 {
             out.set_algebraic(s.n_algebraic(), s.algebraic().map(|g| self.function(g)))?;
-        }
-        for t in s.transitions() {
-            out.add_transition(self.transition(t))?;
         }
         Ok(out)
     }
@@ -107,6 +199,11 @@ impl Rewire {
     pub fn system(&self, s: &System) -> Result<System> {
         if self.is_plain() {
             return Ok(s.clone());
+        }
+        if let Some(m) = s.mechanics() {
+            let mut out = System::of_mechanics(self.mechanics(m, None), self.to.u, self.to.p)?;
+            self.add_rest(s, &mut out)?;
+            return Ok(out);
         }
         let mut out = self.system_with(s, s.f0().map(|f| self.function(f)))?;
         if let (Some(f), 0) = (s.combined(), self.first) {

@@ -87,6 +87,7 @@ impl Ocp {
             linear: &self.linear,
             params: &params,
             states: &ends,
+            beside: &[],
             cost: 0.0,
             cost_size: 1.0,
             mayer: None,

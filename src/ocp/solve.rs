@@ -254,18 +254,23 @@ impl Ocp {
     /// set is tried first, and the homotopy only where that fails. Stays on the grid that adaptation has reached. Without a
     /// solution as [`Ocp::solve`]; a solve that failed for want of function values leaves the solution before.
     pub fn solve_warm(&mut self, control: &mut Control) -> Result<&OcpResult> {
-        if self.system.mechanics().is_some() {
+        if self.is_scene() {
             return self.solve_scene(Start::Warm, control);
         }
         let options = SolveOptions::from_settings(&self.settings)?;
         let known = self.built.as_ref().is_some_and(|b| b.last.is_some() && b.options.fits(&options));
-        let by_sequence = self.has_transitions() || !self.system.choices().is_empty();
+        let by_sequence = self.is_simulated() || self.has_transitions() || !self.system.choices().is_empty();
         let known = known || (by_sequence && self.result.is_some());
         self.solve_from(if known { Start::Warm } else { Start::Cold }, control)
     }
 
+    /// Is it solved by orders of contacts?
+    fn is_scene(&self) -> bool {
+        self.system.mechanics().is_some() && !self.is_simulated()
+    }
+
     fn solve_from(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
-        if self.system.mechanics().is_some() {
+        if self.is_scene() {
             return self.solve_scene(start, control);
         }
         let request = Request::from_settings(&self.settings)?;
@@ -290,6 +295,9 @@ impl Ocp {
 
     /// Solves where no choice is open, on one grid or several, and looks at what grids do not show.
     pub(super) fn solve_chosen(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<()> {
+        if self.is_simulated() {
+            return self.solve_simulated(start, request, control);
+        }
         if self.has_transitions() {
             return self.solve_transitions(start, request, control).map(|_| ());
         }
@@ -728,6 +736,7 @@ impl Ocp {
             linear: &self.linear,
             params: &params,
             states: &states,
+            beside: &[],
             cost: total,
             cost_size: self.cost_size(total),
             tol: comparison.tol,

@@ -219,6 +219,8 @@ impl Ocp {
             measured: None,
             largest: 0.0,
             shifted: None,
+            only_simulates: self.only_simulates,
+            simulated: None,
             scene: self.scene.blank(),
         }
     }

@@ -108,6 +108,8 @@ impl Ocp {
             clearance: _,
             inside: _,
             projected: _,
+            only_simulates: _,
+            simulated: _,
         } = self;
         Statement {
             system,

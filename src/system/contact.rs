@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 use super::{Inclusion, SetValued, SharedFunction, System};
 use crate::error::{Error, Result};
-use crate::func::Dims;
+use crate::func::{Dims, Function};
 use crate::memory::sizes;
 
 /// Laws for several contacts that close at once; they differ, and which is right is a matter of the bodies.
@@ -232,17 +232,18 @@ impl Mechanics {
         self.n_q..self.n_q + self.n_v
     }
 
-    /// Must its functions be called by one thread only?
-    pub(super) fn is_serial(&self) -> bool {
+    /// Is something true of one of its functions?
+    pub(super) fn any_function(&self, is: &dyn Fn(&dyn Function) -> bool) -> bool {
+        let is = |f: &SharedFunction| is(f.as_ref());
         let inertia = match &self.inertia {
-            Inertia::Varying { matrix, product } => matrix.is_serial() || product.is_serial(),
+            Inertia::Varying { matrix, product } => is(matrix) || is(product),
             _ => false,
         };
         let contact = |c: &Contact| {
             let local = c.local.iter().flat_map(|l| [&l.gap, &l.rows]);
-            [&c.gap, &c.motion, &c.reaction].into_iter().chain(local).any(|f| f.is_serial())
+            [&c.gap, &c.motion, &c.reaction].into_iter().chain(local).any(is)
         };
-        inertia || self.smooth.is_serial() || self.contacts.iter().any(contact)
+        inertia || is(&self.smooth) || self.contacts.iter().any(contact)
     }
 
     /// An error where there is more than coordinates, velocities, and contacts that close, push and slide under one coefficient of friction, for

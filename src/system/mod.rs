@@ -376,9 +376,19 @@ impl System {
 
     /// True where functions of the system must be called by one thread only ([`Function::is_serial`]).
     pub fn is_serial(&self) -> bool {
-        self.mechanics.as_ref().is_some_and(|m| m.is_serial())
+        self.mechanics.as_ref().is_some_and(|m| m.any_function(&|f| f.is_serial()))
             || self.on_demand.as_ref().is_some_and(|d| d.rhs.is_serial() || d.psi.is_serial())
             || self.any_function(&|f| f.is_serial())
+    }
+
+    /// Does its motion depend on the time itself, so that one that begins later is another one?
+    pub(crate) fn depends_on_time(&self) -> bool {
+        let sees = |f: &dyn Function| !f.jac_pattern().rows(f.dims().t_col()).is_empty();
+        let on_demand = |f: &Arc<dyn Signed>| !f.jac_pattern().rows(f.dims().t_col()).is_empty();
+        !self.known_times.is_empty()
+            || self.mechanics.as_ref().is_some_and(|m| m.any_function(&sees))
+            || self.on_demand.as_ref().is_some_and(|d| [&d.rhs, &d.psi].into_iter().any(on_demand))
+            || self.any_function(&sees)
     }
 
     /// Is something true of one of the functions, those of mechanics and of modes on demand left out?

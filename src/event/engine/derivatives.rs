@@ -45,6 +45,17 @@ impl Engine {
         self.shown_sensitivity().or_else(whole).or(asked.then_some(&[]))
     }
 
+    /// Derivatives are from here on those by the state reached, and by parameters and controls as they are from here on. With `settle` the
+    /// active set is found before the first step to `t_stop`, so that [`Engine::derivative`] is that of the motion ahead.
+    pub(crate) fn begin_derivatives(&mut self, settle: Option<f64>) -> Result<()> {
+        if let Some(s) = &mut self.derivatives.sens {
+            s.reset();
+        }
+        let Some(t_stop) = settle.filter(|t| self.restart && *t > self.t) else { return Ok(()) };
+        self.t_stop = t_stop;
+        self.begin(t_stop)
+    }
+
     /// True where the motion since the start had several continuations somewhere, one of which was chosen.
     pub fn ambiguous(&self) -> bool {
         self.log.ambiguous

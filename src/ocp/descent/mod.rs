@@ -12,9 +12,8 @@ use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::random::SplitMix64;
 use crate::stop;
-use shooting::Shooting;
-pub(in crate::ocp) use sqp::Lowest;
-use sqp::{Program, Values};
+pub(super) use shooting::{Given, Shooting};
+pub(super) use sqp::{minimise, restore, Lowest, Program, Values};
 
 /// Simulations of the horizon of a descent at most.
 const EVALUATIONS: usize = 80;
@@ -86,7 +85,7 @@ impl Ocp {
         controls: (&[f64], &[f64]),
         known: &Sizes,
     ) -> Result<Option<(Lowest, Box<OcpResult>)>> {
-        let mut shooting = Shooting::new(self, b, r, known)?;
+        let mut shooting = Shooting::beside(self, b, r, known)?;
         let start = shooting.place(b, controls);
         let Some(found) = lowest(&mut shooting, start, true)?.filter(|found| found.violation <= MET) else {
             return Ok(None);
@@ -104,7 +103,7 @@ impl Ocp {
         r: &OcpResult,
         controls: Vec<[Vec<f64>; 2]>,
     ) -> Result<Option<(Vec<f64>, f64)>> {
-        let mut shooting = Shooting::new(self, b, r, &self.known_or_own_sizes()?)?;
+        let mut shooting = Shooting::beside(self, b, r, &self.known_or_own_sizes()?)?;
         let Some(own) = shooting.simulated(b, (&r.controls, &r.control_ends))? else { return Ok(None) };
         for [u, ends] in controls {
             if stop::requested().is_some() {
@@ -123,7 +122,7 @@ impl Ocp {
 
     /// What a simulation of the controls of an answer costs, where it meets the constraints.
     pub(super) fn feasible_cost(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<f64>> {
-        let mut shooting = Shooting::new(self, b, from, known)?;
+        let mut shooting = Shooting::beside(self, b, from, known)?;
         let Some(values) = shooting.simulated(b, (&from.controls, &from.control_ends))? else { return Ok(None) };
         let (lower, upper) = shooting.row_bounds();
         let off = |i: usize| violation(&values, [lower, upper], i);
@@ -141,7 +140,7 @@ impl Ocp {
         known: &Sizes,
         most: usize,
     ) -> Result<Vec<Shot>> {
-        let mut shooting = Shooting::new(self, b, from, known)?;
+        let mut shooting = Shooting::beside(self, b, from, known)?;
         let (mut spent, mut out) = (0, Vec::new());
         let mut numbers = SplitMix64::new(0);
         for (k, u) in controls.iter().enumerate() {
@@ -168,7 +167,7 @@ impl Ocp {
         known: &Sizes,
         drawn: Option<&mut SplitMix64>,
     ) -> Result<Option<(Option<Shot>, usize)>> {
-        let mut shooting = Shooting::new(self, b, from, known)?;
+        let mut shooting = Shooting::beside(self, b, from, known)?;
         if !can_vary(&shooting) {
             return Ok(None);
         }
@@ -187,7 +186,7 @@ fn can_vary(shooting: &Shooting) -> bool {
 }
 
 /// By how much row `i` violates its bounds.
-fn violation(values: &Values, [lower, upper]: [&[f64]; 2], i: usize) -> f64 {
+pub(super) fn violation(values: &Values, [lower, upper]: [&[f64]; 2], i: usize) -> f64 {
     (lower[i] - values.rows[i]).max(values.rows[i] - upper[i]).max(0.0)
 }
 

@@ -1,5 +1,5 @@
 //! An optimal control problem in its controls, free lengths, parameters and initial states alone: states, cost, constraints and
-//! all derivatives come from event-driven simulations, stage by stage (6.25).
+//! all derivatives come from an event-driven simulation (direct single shooting; derivatives through switches by (6.25)).
 
 use super::sqp::{Program, Values};
 use crate::error::{Error, Result};
@@ -9,7 +9,7 @@ use crate::func::Point;
 use crate::ocp::accuracy::tolerances;
 use crate::ocp::extend::Extended;
 use crate::ocp::solve::Built;
-use crate::ocp::{Durations, Ocp, OcpResult};
+use crate::ocp::{Durations, Ocp, OcpResult, SLACK};
 use crate::random::SplitMix64;
 use crate::stop;
 use crate::system::SharedFunction;
@@ -40,11 +40,33 @@ struct Places {
     initial: Vec<Option<usize>>,
 }
 
+/// What stands for all that is not varied.
+pub(in crate::ocp) struct Given<'a> {
+    /// Lengths of the stages.
+    pub durations: &'a [f64],
+    /// The initial state.
+    pub x0: &'a [f64],
+    /// About the cost.
+    pub cost: f64,
+    /// Sizes of states and controls.
+    pub usual: &'a Sizes,
+    /// Ends of the pieces of every stage as shares of it, the last of which is 1: constraints along the horizon are looked at there.
+    pub cuts: Vec<Vec<f64>>,
+}
+
 /// The problem in these variables.
-pub(super) struct Shooting<'a> {
+pub(in crate::ocp) struct Shooting<'a> {
     ocp: &'a Ocp,
     e: &'a Extended,
     engine: Engine,
+    /// Simulates without derivatives, once that was asked for.
+    plain: Option<Engine>,
+    /// Does the system depend on the time?
+    timed: bool,
+    /// Steps of simulations so far.
+    pub steps: usize,
+    /// About the cost.
+    cost: f64,
     /// Linear controls, which are states of the simulation behind the cost.
     ramps: Vec<usize>,
     at: Places,
@@ -66,6 +88,8 @@ pub(super) struct Shooting<'a> {
 
 /// A point of the simulation with the derivatives of what it depends on by the variables.
 struct Here {
+    /// Is it the start of the horizon?
+    begins: bool,
     t: f64,
     dt: DVector<f64>,
     /// States of the simulation: cost, linear controls, states.
@@ -87,22 +111,43 @@ fn size_of(value: f64, lower: f64, upper: f64, usual: f64) -> f64 {
     }
 }
 
+/// Tolerances of simulations of the system with its cost.
+fn options(ocp: &Ocp, cost: f64, usual: &Sizes) -> event::Options {
+    let ramps = (0..ocp.linear.len()).filter(|&j| ocp.linear[j]).map(|j| usual.u.get(j).copied().unwrap_or(1.0));
+    let sizes: Vec<f64> = std::iter::once(ocp.cost_size(cost)).chain(ramps).chain(usual.x.iter().copied()).collect();
+    event::Options { max_steps: MAX_STEPS, ..tolerances(TOLERANCE, &sizes) }
+}
+
+/// States with bounds.
+fn bounded(ocp: &Ocp) -> Vec<usize> {
+    let b = &ocp.x_bounds;
+    (0..b[0].len()).filter(|&i| b[0][i].is_finite() || b[1][i].is_finite()).collect()
+}
+
 impl<'a> Shooting<'a> {
-    /// With the extended problem of an answer; where the start is, see [`Shooting::start`].
-    pub fn new(ocp: &'a Ocp, b: &'a Built, r: &OcpResult, usual: &Sizes) -> Result<Shooting<'a>> {
-        let e = &b.extended;
+    /// Of an answer, with the multipliers that say where constraints act in it.
+    pub(super) fn beside(ocp: &'a Ocp, b: &'a Built, r: &OcpResult, usual: &Sizes) -> Result<Shooting<'a>> {
+        let x0 = r.trajectory.elements.first().map_or_else(|| vec![0.0; b.extended.system.dims().x], |e| e.x0.clone());
+        let cuts = Shooting::cuts_of(ocp, b);
+        let given = Given { durations: &r.durations, x0: &x0, cost: r.cost_reached, usual, cuts };
+        Shooting::new(ocp, &b.extended, given)
+    }
+
+    /// Of a problem that nothing has solved yet, `e` with the parameters of every stage.
+    pub fn new(ocp: &'a Ocp, e: &'a Extended, given: Given) -> Result<Shooting<'a>> {
+        let usual = given.usual;
         let (d, n) = (e.system.dims(), ocp.n_stages);
-        let system = ocp.system_with_cost(e)?;
         let ramps: Vec<usize> = (0..ocp.linear.len()).filter(|&j| ocp.linear[j]).collect();
         let control_size = |j: usize| usual.u.get(j).copied().unwrap_or(1.0);
-        let cost = ocp.cost_size(r.cost_reached);
-        let of_states = std::iter::once(cost).chain(ramps.iter().map(|&j| control_size(j))).chain(usual.x.clone());
-        let tight = tolerances(TOLERANCE, &of_states.collect::<Vec<f64>>());
-        let engine = Engine::new(&system, &event::Options { sensitivity: true.into(), max_steps: MAX_STEPS, ..tight })?;
+        let with_derivatives = event::Options { sensitivity: true.into(), ..options(ocp, given.cost, usual) };
         let mut s = Shooting {
             ocp,
             e,
-            engine,
+            engine: Engine::new(&ocp.system_with_cost(e)?, &with_derivatives)?,
+            plain: None,
+            timed: e.system.depends_on_time(),
+            steps: 0,
+            cost: given.cost,
             at: Places {
                 n: 0,
                 controls: 0,
@@ -114,17 +159,16 @@ impl<'a> Shooting<'a> {
             },
             ramps,
             params: e.params.clone(),
-            lengths: r.durations.clone(),
-            x0: r.trajectory.elements.first().map_or_else(|| vec![0.0; d.x], |e| e.x0.clone()),
+            lengths: given.durations.to_vec(),
+            x0: given.x0.to_vec(),
             lower: Vec::new(),
             upper: Vec::new(),
             sizes: Vec::new(),
             row_lower: Vec::new(),
             row_upper: Vec::new(),
             usual: usual.clone(),
-            cuts: Vec::new(),
+            cuts: given.cuts,
         };
-        s.cuts = s.cuts_of(b);
         for k in 0..n {
             (0..d.u).for_each(|j| s.control(k, j, &control_size));
         }
@@ -133,12 +177,10 @@ impl<'a> Shooting<'a> {
             s.control(n - 1, j, &control_size);
         }
         s.at.lengths = s.lower.len();
-        // what the model makes of the time itself is not followed: lengths stay where it does
-        let follows = b.problem.spec().dcs.clock().is_none();
         s.at.n_lengths = match ocp.time {
-            Durations::Horizon if follows => 1,
-            Durations::Stages if follows => n,
-            _ => 0,
+            Durations::Horizon => 1,
+            Durations::Stages => n,
+            Durations::Fixed => 0,
         };
         let horizon: f64 = s.lengths.iter().sum();
         for k in 0..s.at.n_lengths {
@@ -168,13 +210,18 @@ impl<'a> Shooting<'a> {
 
     /// Ends of the pieces of every stage: where some constraint holds along it, equal pieces, and the points at which one acts in the
     /// answer, which a descent would violate between those.
-    fn cuts_of(&self, b: &Built) -> Vec<Vec<f64>> {
-        if self.bounded().is_empty() && self.e.path.iter().all(|c| c.at == PathAt::ControlGrid) {
-            return vec![vec![1.0]; self.ocp.n_stages];
-        }
+    fn cuts_of(ocp: &Ocp, b: &Built) -> Vec<Vec<f64>> {
         let s = b.solver.solution();
-        let mut cuts = b.problem.acting_shares(&s.x, &s.y, &s.z, ACTS);
+        Shooting::cuts(ocp, &b.extended, b.problem.acting_shares(&s.x, &s.y, &s.z, ACTS))
+    }
+
+    /// The same with the shares of every stage at which constraints act, or are violated.
+    pub fn cuts(ocp: &Ocp, e: &Extended, mut cuts: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+        if bounded(ocp).is_empty() && e.path.iter().all(|c| c.at == PathAt::ControlGrid) {
+            return vec![vec![1.0]; ocp.n_stages];
+        }
         for cuts in &mut cuts {
+            cuts.sort_by(f64::total_cmp);
             cuts.retain(|c| (SAME_POINT..1.0 - SAME_POINT).contains(c));
             cuts.dedup_by(|b, a| *b - *a < SAME_POINT);
             let equal = (1..PIECES).map(|i| i as f64 / PIECES as f64);
@@ -229,9 +276,13 @@ impl<'a> Shooting<'a> {
     }
 
     /// Variables with controls of the user and their ends, `[n_stages · nu]` each; slacks are as in the solution that the problem `b` has.
-    pub fn place(&self, b: &Built, (controls, ends): (&[f64], &[f64])) -> Vec<f64> {
+    pub(super) fn place(&self, b: &Built, controls: (&[f64], &[f64])) -> Vec<f64> {
         let w = &b.solver.solution().x;
-        let mut all = [b.problem.controls(w), b.problem.control_ends(w)];
+        self.place_among([b.problem.controls(w), b.problem.control_ends(w)], controls)
+    }
+
+    /// The same among controls and slacks `[n_stages · nu]` that are given.
+    pub fn place_among(&self, mut all: [Vec<f64>; 2], (controls, ends): (&[f64], &[f64])) -> Vec<f64> {
         let (own, wide) = (self.ocp.system.dims().u.max(1), self.e.system.dims().u.max(1));
         for (all, moved) in all.iter_mut().zip([controls, ends]) {
             for (all, moved) in all.chunks_mut(wide).zip(moved.chunks(own)) {
@@ -242,7 +293,7 @@ impl<'a> Shooting<'a> {
     }
 
     /// What a simulation makes of controls of the user and their ends, see [`Shooting::place`]; `None` where it fails.
-    pub fn simulated(&mut self, b: &Built, controls: (&[f64], &[f64])) -> Result<Option<Values>> {
+    pub(super) fn simulated(&mut self, b: &Built, controls: (&[f64], &[f64])) -> Result<Option<Values>> {
         self.simulated_at(&self.place(b, controls))
     }
 
@@ -257,8 +308,111 @@ impl<'a> Shooting<'a> {
         }
     }
 
+    /// What a simulation without derivatives makes of variables; `None` where it fails.
+    pub fn values_at(&mut self, z: &[f64]) -> Result<Option<Values>> {
+        let plain = match self.plain.take() {
+            Some(e) => e,
+            None => Engine::new(&self.ocp.system_with_cost(self.e)?, &self.options())?,
+        };
+        let (plain, found) = self.simulated_by(plain, z);
+        self.plain = Some(plain);
+        found
+    }
+
+    /// What another engine makes of variables, and the engine behind that.
+    fn simulated_by(&mut self, engine: Engine, z: &[f64]) -> (Engine, Result<Option<Values>>) {
+        let usual = std::mem::replace(&mut self.engine, engine);
+        let found = self.simulated_at(z);
+        (std::mem::replace(&mut self.engine, usual), found)
+    }
+
+    /// A simulation with all its events and dense output, and what it makes of variables, where it gets to the end.
+    pub fn traced(&mut self, z: &[f64]) -> Result<(Engine, Option<Values>)> {
+        let options = event::Options { dense: true, ..self.options() };
+        let engine = Engine::stopping_for_all(&self.ocp.system_with_cost(self.e)?, &options)?;
+        let (engine, found) = self.simulated_by(engine, z);
+        Ok((engine, found?))
+    }
+
+    fn options(&self) -> event::Options {
+        options(self.ocp, self.cost, &self.usual)
+    }
+
+    /// The problem that is simulated.
+    pub fn extended(&self) -> &Extended {
+        self.e
+    }
+
+    /// States of the simulation in front of those of the system: the cost, linear controls.
+    pub fn n_front(&self) -> usize {
+        1 + self.ramps.len()
+    }
+
+    /// Controls and slacks `[n_stages · nu]` among variables, linear ones at the start of every stage.
+    pub fn all_controls(&self, z: &[f64]) -> Vec<f64> {
+        let nu = self.e.system.dims().u;
+        (0..self.ocp.n_stages)
+            .flat_map(|k| (0..nu).map(move |j| (k, j)))
+            .map(|(k, j)| z[self.control_at(k, j)])
+            .collect()
+    }
+
+    /// Those of the user among these.
+    pub fn own_controls(&self, z: &[f64]) -> Vec<f64> {
+        let (own, wide) = (self.ocp.system.dims().u, self.e.system.dims().u.max(1));
+        self.all_controls(z).chunks(wide).flat_map(|u| u[..own].to_vec()).collect()
+    }
+
+    /// Parameters `[np]` among variables, those of the first stage where they are given.
+    pub fn all_params(&self, z: &[f64]) -> Vec<f64> {
+        self.at.params.iter().zip(&self.params).map(|(at, given)| at.map_or(*given, |at| z[at])).collect()
+    }
+
+    /// Variables with controls of the user and their ends, `[n_stages · nu]` each, and slacks as they are at first.
+    pub fn place_fresh(&self, controls: (&[f64], &[f64])) -> Vec<f64> {
+        let all = vec![SLACK; self.ocp.n_stages * self.e.system.dims().u];
+        self.place_among([all.clone(), all], controls)
+    }
+
+    /// What a row is of.
+    pub fn row_name(&self, row: usize) -> String {
+        let path = |k: usize, c: usize| format!("path constraint {c} in control stage {k}");
+        let mut left = row;
+        let mut is = |n: usize| {
+            let found = left < n;
+            left = left.wrapping_sub(if found { 0 } else { n });
+            found
+        };
+        for k in 0..self.ocp.n_stages {
+            for (i, c) in self.e.path.iter().enumerate() {
+                if is(c.lower.len()) {
+                    return path(k, i);
+                }
+            }
+            for cut in &self.cuts[k] {
+                for s in bounded(self.ocp) {
+                    if is(1) {
+                        return format!("the bounds of state {s} in control stage {k}");
+                    }
+                }
+                for (i, c) in self.e.path.iter().enumerate().filter(|(_, c)| *cut == 1.0 || c.at != PathAt::ControlGrid)
+                {
+                    if is(c.lower.len()) {
+                        return path(k, i);
+                    }
+                }
+            }
+        }
+        for (i, c) in self.e.terminal.iter().enumerate() {
+            if is(c.lower.len()) {
+                return format!("terminal constraint {i}");
+            }
+        }
+        "a constraint between both ends".into()
+    }
+
     /// Draws lengths, parameters and initial states that are free within their bounds; those without two bounds stay, and so do slacks.
-    pub fn draw(&self, z: &mut [f64], numbers: &mut SplitMix64) {
+    pub(super) fn draw(&self, z: &mut [f64], numbers: &mut SplitMix64) {
         for at in self.at.lengths..self.at.n {
             let (l, u) = (self.lower[at], self.upper[at]);
             if (u - l).is_finite() {
@@ -309,7 +463,7 @@ impl<'a> Shooting<'a> {
         for k in 0..self.ocp.n_stages {
             self.e.path.iter().for_each(|c| add(&c.lower, &c.upper));
             for cut in &self.cuts[k] {
-                for s in self.bounded() {
+                for s in bounded(self.ocp) {
                     add(&self.ocp.x_bounds[0][s..=s], &self.ocp.x_bounds[1][s..=s]);
                 }
                 let last = *cut == 1.0;
@@ -322,17 +476,12 @@ impl<'a> Shooting<'a> {
         [self.row_lower, self.row_upper] = bounds;
     }
 
-    /// States with bounds.
-    fn bounded(&self) -> Vec<usize> {
-        let b = &self.ocp.x_bounds;
-        (0..b[0].len()).filter(|&i| b[0][i].is_finite() || b[1][i].is_finite()).collect()
-    }
-
     /// The start of the horizon.
     fn begin(&self, z: &[f64]) -> Here {
         let (d, n) = (self.e.system.dims(), self.at.n);
         let first = 1 + self.ramps.len();
         let mut here = Here {
+            begins: true,
             t: self.ocp.t0,
             dt: DVector::zeros(n),
             x: vec![0.0; first + d.x],
@@ -386,11 +535,12 @@ impl<'a> Shooting<'a> {
         for i in 0..self.cuts[k].len() {
             let cut = self.cuts[k][i];
             let part = cut - std::mem::replace(&mut before, cut);
-            if !self.piece(here, (&slope, &dslope), part * length, by.map(|(at, share)| (at, part * share)))? {
+            let new = (i == 0).then_some(&slope[..]);
+            if !self.piece(here, (new, &dslope), part * length, by.map(|(at, share)| (at, part * share)))? {
                 return Ok(false);
             }
             let last = cut == 1.0;
-            for s in self.bounded() {
+            for s in bounded(self.ocp) {
                 let at = 1 + self.ramps.len() + s;
                 out.rows.push(here.x[at]);
                 out.usual.push(self.usual.x[s]);
@@ -403,34 +553,60 @@ impl<'a> Shooting<'a> {
         Ok(true)
     }
 
-    /// Simulates a piece of a stage of this length, which changes with a variable.
+    /// Simulates a piece of a stage of this length, which changes with a variable; `new` are other controls than before.
     fn piece(
         &mut self,
         here: &mut Here,
-        (slope, dslope): (&[f64], &DMatrix<f64>),
+        (new, dslope): (Option<&[f64]>, &DMatrix<f64>),
         length: f64,
         by: Option<(usize, f64)>,
     ) -> Result<bool> {
         stop::check()?;
         let end = here.t + length;
-        self.engine.reinit(here.t, &here.x)?;
-        self.engine.set_params(&here.p)?;
-        self.engine.set_controls(slope)?;
-        let reached = length > 0.0 && matches!(self.engine.advance(end)?, event::Outcome::Reached);
-        stop::check()?;
-        let Some(s) = self.engine.sensitivity().filter(|_| reached) else { return Ok(false) };
-        let (nx, np, nu) = (here.x.len(), here.p.len(), slope.len());
-        let s = DMatrix::from_row_slice(nx, nx + np + nu, s);
-        let mut dx = s.columns(0, nx) * &here.dx;
-        dx += s.columns(nx, np) * &here.dp;
-        dx += s.columns(nx + np, nu) * dslope;
-        if let Some((at, share)) = by {
-            self.engine.derivative().iter().enumerate().for_each(|(i, v)| dx[(i, at)] += share * v);
-            here.dt[at] += share;
+        if here.begins {
+            self.engine.reinit(here.t, &here.x)?;
+            here.begins = false;
         }
-        here.dx = dx;
+        if let Some(slope) = new {
+            self.engine.set_params(&here.p)?;
+            self.engine.set_controls(slope)?;
+        }
+        // what begins later is the motion from where it has moved on: ∂x/∂t₀ = −(∂x/∂x₀) ẋ₀
+        let moves = self.timed && here.dt.iter().any(|d| *d != 0.0);
+        self.engine.begin_derivatives(moves.then_some(end))?;
+        let mut rate = vec![0.0; if moves { here.x.len() } else { 0 }];
+        if moves {
+            self.engine.whole_derivative(&mut rate);
+        }
+        let steps = self.engine.stats().steps;
+        let reached = length > 0.0 && matches!(self.engine.advance(end)?, event::Outcome::Reached);
+        self.steps += self.engine.stats().steps - steps;
+        stop::check()?;
+        if !reached {
+            return Ok(false);
+        }
+        let (nx, np, nu) = (here.x.len(), here.p.len(), dslope.nrows());
         here.x.copy_from_slice(self.engine.state());
         here.t = end;
+        if let Some(s) = self.engine.sensitivity() {
+            let s = DMatrix::from_row_slice(nx, nx + np + nu, s);
+            let mut dx = s.columns(0, nx) * &here.dx;
+            dx += s.columns(nx, np) * &here.dp;
+            dx += s.columns(nx + np, nu) * dslope;
+            let mut now = DVector::zeros(nx);
+            if moves || by.is_some() {
+                self.engine.whole_derivative(now.as_mut_slice());
+            }
+            if moves {
+                dx += (&now - s.columns(0, nx) * DVector::from_vec(rate)) * here.dt.transpose();
+            }
+            if let Some((at, share)) = by {
+                let mut column = dx.column_mut(at);
+                column += share * now;
+                here.dt[at] += share;
+            }
+            here.dx = dx;
+        }
         for (r, &j) in self.ramps.iter().enumerate() {
             here.u[j] = here.x[1 + r];
             let row = here.dx.row(1 + r).into_owned();

@@ -54,7 +54,7 @@ const DAMPING: f64 = 0.2;
 
 /// A cost and constraints `lower ≤ c(z) ≤ upper` with their derivatives.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Values {
+pub(in crate::ocp) struct Values {
     pub cost: f64,
     /// `[n]`
     pub gradient: Vec<f64>,
@@ -67,7 +67,7 @@ pub(super) struct Values {
 }
 
 /// What is minimised.
-pub(super) trait Program {
+pub(in crate::ocp) trait Program {
     /// Bounds of the variables and their sizes, all positive: `[n]` each.
     fn bounds(&self) -> (&[f64], &[f64], &[f64]);
     /// Bounds of the constraints.
@@ -97,6 +97,8 @@ pub(in crate::ocp) struct Lowest {
     /// Did it end where no direction leads down, and is that so at a kink only?
     pub stationary: bool,
     pub kink: bool,
+    /// Multipliers of the constraints, positive at upper bounds: `[m]`.
+    pub multipliers: Vec<f64>,
 }
 
 /// Values at the end of a step that failed.
@@ -129,7 +131,7 @@ struct Descent<'a> {
 }
 
 /// Descends from `z`, with at most `evaluations` evaluations. `None` where there are no values at `z`.
-pub(super) fn minimise(program: &mut dyn Program, z: &[f64], evaluations: usize) -> Result<Option<Lowest>> {
+pub(in crate::ocp) fn minimise(program: &mut dyn Program, z: &[f64], evaluations: usize) -> Result<Option<Lowest>> {
     let mut here = Values::default();
     let (lower, upper, _) = program.bounds();
     let z: Vec<f64> = z.iter().zip(lower.iter().zip(upper)).map(|(v, (l, u))| v.max(*l).min(*u)).collect();
@@ -150,7 +152,7 @@ pub(super) fn minimise(program: &mut dyn Program, z: &[f64], evaluations: usize)
 }
 
 /// The nearest point to `z` that meets the constraints, by steps that are as short as they can be. `None` where none is found.
-pub(super) fn restore(program: &mut dyn Program, z: &[f64]) -> Result<Option<Vec<f64>>> {
+pub(in crate::ocp) fn restore(program: &mut dyn Program, z: &[f64]) -> Result<Option<Vec<f64>>> {
     let mut here = Values::default();
     if !program.evaluate(z, &mut here)? {
         return Ok(None);
@@ -411,6 +413,7 @@ impl<'a> Descent<'a> {
             violation: self.violation(here.rows.iter().copied()).1,
             stationary: flattest <= STILL,
             kink,
+            multipliers: self.multipliers.iter().zip(&self.row_unit).map(|(mu, r)| mu * r / self.unit).collect(),
         })
     }
 

@@ -62,7 +62,7 @@ impl Ocp {
             && self.complementarity.is_empty()
             && !self.linear.contains(&true)
             // those are not simulated by events
-            && (self.projected.is_some() || self.system.n_algebraic() == 0 && self.system.inclusions().is_empty())
+            && (self.is_simulated() || self.projected.is_some() || self.system.n_algebraic() == 0 && self.system.inclusions().is_empty())
             && !self.free_params().contains(&true)
     }
 
@@ -159,6 +159,7 @@ impl<'a> Simulated<'a> {
             linear: &ocp.linear,
             params: &params,
             states: &states,
+            beside: &[],
             cost,
             cost_size: ocp.cost_size(cost),
             mayer: e.mayer.as_ref(),

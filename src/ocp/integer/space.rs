@@ -11,6 +11,7 @@ use crate::ocp::{Ocp, OcpResult};
 use crate::search::{
     self, watched, Budget, EarlyTermination, Limits, Neighbour, Patience, Rank, Sampler, Source, Space,
 };
+use crate::settings::OcpStart;
 
 /// Where a program starts: controls, and states at times from the start of the horizon, where they are known.
 pub(super) struct Motion {
@@ -98,7 +99,7 @@ impl<'a> Choices<'a> {
             inner,
             request: request.of_a_part(),
             guess: guess.or_else(|| ocp.u_guess.clone()),
-            plain: !ocp.switches() && !ocp.has_transitions(),
+            plain: !ocp.is_simulated() && !ocp.switches() && !ocp.has_transitions(),
             relaxed: None,
             is_relaxed: false,
             sampler: Sampler::new(ocp.settings.search_seed as u64),
@@ -128,7 +129,11 @@ impl<'a> Choices<'a> {
             Some(motion) => motion.begin(inner),
             None => (inner.x_guess, inner.u_guess) = (self.ocp.x_guess.clone(), None),
         }
-        if self.plain {
+        if inner.is_simulated() {
+            // one descent for every sequence: the search is over these
+            let request = Request { start: OcpStart::Homotopy, ..self.request };
+            inner.solve_simulated(Start::Cold, &request, control)?;
+        } else if self.plain {
             inner.run(Start::Cold, &self.request, control)?;
         } else if inner.has_transitions() {
             inner.solve_transitions(Start::Cold, &self.request, control)?;

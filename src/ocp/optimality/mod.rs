@@ -524,7 +524,7 @@ impl Ocp {
             Err(_) => return Ok(Optimality::unknown("a function of the model has no value at the answer")),
         };
         let mut along = b.problem.along_gradient(&w, &y, &z);
-        let system = with_cost(&e.system, e.lagrange.as_ref(), &self.linear)?;
+        let system = with_cost(&e.system, e.system.dims(), e.lagrange.as_ref(), &self.linear)?;
         let Ok(dcs) = Dcs::stewart(&system) else { return Ok(Optimality::unknown("the system has no indicators")) };
         let ramps = b.problem.ramp_places().iter().flatten();
         let places: Vec<Option<usize>> =

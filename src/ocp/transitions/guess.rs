@@ -142,7 +142,7 @@ impl Guess {
 
 /// Controls to simulate: those of the guess, and where none were given and they have bounds also their extremes in two
 /// halves and all along.
-pub(super) fn controls(ocp: &Ocp) -> Vec<Vec<f64>> {
+pub(in crate::ocp) fn controls(ocp: &Ocp) -> Vec<Vec<f64>> {
     let d = ocp.system.dims();
     let mut all = vec![ocp.control_guess()];
     let [lower, upper] = &ocp.u_bounds;

@@ -13,6 +13,8 @@ mod legs;
 mod program;
 mod space;
 
+pub(super) use guess::controls as extremes;
+
 use std::time::Instant;
 
 use self::automaton::{Automaton, Sequence};
@@ -104,7 +106,7 @@ impl Ocp {
             );
         }
         if let Some(c) = request.comparison {
-            let found = self.compare_transitions(&result, c, &request.options)?;
+            let found = self.compare_motion(&result, &[], c, &request.options)?;
             if let Some(text) = self.other_transitions(&found) {
                 let more = if result.message.is_empty() { "" } else { "; " };
                 result.message = format!("{}{more}{text}", result.message);
@@ -198,8 +200,15 @@ impl Ocp {
         Optimality::of_one_order(doubt, compared, r.residuals.dual, Vec::new(), kinks)
     }
 
-    /// Compares an answer with the simulation of its controls, transitions included.
-    fn compare_transitions(&self, r: &OcpResult, c: Comparison, options: &SolveOptions) -> Result<Accuracy> {
+    /// Compares an answer with the simulation of its controls, transitions included; `beside` are states on the other side of events at the ends of
+    /// stages, where they are known.
+    pub(in crate::ocp) fn compare_motion(
+        &self,
+        r: &OcpResult,
+        beside: &[Option<Vec<f64>>],
+        c: Comparison,
+        options: &SolveOptions,
+    ) -> Result<Accuracy> {
         let nx = self.system.dims().x;
         if let Some(why) = stop::requested() {
             return Ok(Accuracy::stopped(self.n_stages, nx, why));
@@ -227,10 +236,11 @@ impl Ocp {
             linear: &self.linear,
             params: &params,
             states: &states,
+            beside,
             cost: r.cost_reached,
             cost_size: self.cost_size(r.cost_reached),
             mayer: e.mayer.as_ref(),
-            grid_cost: None,
+            grid_cost: e.grid_cost.as_ref(),
             tol: c.tol,
             terminal: e.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
             path: self.path.iter().map(Rows::of).collect(),

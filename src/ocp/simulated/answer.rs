@@ -1,0 +1,191 @@
+//! The end of a descent in the user's terms: controls, the motion that a simulation of them is, its events.
+
+use super::space::{failure, MET};
+use crate::error::{Error, Result};
+use crate::event::Run;
+use crate::fesd::{Element, Trajectory};
+use crate::mpcc::Polish;
+use crate::nlp::{Outcome, Residuals};
+use crate::ocp::descent::{violation, Lowest, Program, Shooting, Values};
+use crate::ocp::request::Request;
+use crate::ocp::transitions::JumpMade;
+use crate::ocp::{Adaptation, Contacts, Ocp, OcpResult, Round};
+use crate::tableau::{Family, Tableau};
+
+/// Points of an element of the motion that is reported: those of Radau's method, whose order dense output has.
+const POINTS: usize = 3;
+/// Share of an element by which its start is looked at behind an event there.
+const BEHIND: f64 = 1e-9;
+/// Share of a stage within which an event is at its end: simulations to other tolerances have it before or behind that.
+const AT_END: f64 = 1e-6;
+
+impl Ocp {
+    /// The result of a descent.
+    pub(super) fn simulated_result(
+        &self,
+        shooting: &mut Shooting,
+        lowest: &Lowest,
+        request: &Request,
+    ) -> Result<OcpResult> {
+        let (engine, values) = shooting.traced(&lowest.z)?;
+        let Some(values) = values else {
+            let why = if engine.reason().is_empty() { "the end is not reached" } else { engine.reason() };
+            return Err(Error::Numeric(format!("the answer of a descent is simulated no more: {why}")));
+        };
+        let solved = lowest.violation <= MET;
+        let d = self.system.dims();
+        let (params, controls) = (shooting.all_params(&lowest.z), shooting.all_controls(&lowest.z));
+        let mut r = OcpResult {
+            outcome: if solved { Outcome::Solved } else { failure(lowest) },
+            polish: if solved { Polish::Done } else { Polish::None },
+            message: String::new(),
+            cost: f64::NAN,
+            cost_reached: f64::NAN,
+            priced: values.cost,
+            controls: Vec::new(),
+            control_ends: Vec::new(),
+            durations: self.durations.clone(),
+            params: if self.stage_params.is_some() { self.params_of(0).to_vec() } else { params[..d.p].to_vec() },
+            violation: 0.0,
+            trajectory: Trajectory::of_elements(&Tableau::new(Family::RadauIia, POINTS)?, d.x, Vec::new()),
+            residuals: Residuals { primal: lowest.violation, ..Residuals::default() },
+            certificate: Default::default(),
+            stats: Default::default(),
+            time_build: 0.0,
+            dimensions: (shooting.n(), shooting.row_bounds().0.len(), 0),
+            accuracy: None,
+            optimality: None,
+            undefined: false,
+            ended: None,
+            adaptation: None,
+            jumps: Vec::new(),
+            contacts: None,
+        };
+        shooting.tell(&lowest.z, &mut r);
+        let (violated, penalty) = self.relaxation(shooting.extended(), &params, &controls, &r.durations);
+        (r.violation, r.cost_reached) = (violated, values.cost - penalty);
+        if solved {
+            r.cost = r.cost_reached;
+        } else {
+            r.message = self.missed_text(shooting, &values);
+        }
+        let beside = self.write_motion(engine.into_run(), shooting.n_front(), &mut r)?;
+        let slopes = shooting.residual(&lowest.z, lowest)?;
+        r.residuals.dual = slopes.residual;
+        if let (Some(c), true) = (request.comparison, solved) {
+            let found = self.compare_motion(&r, &beside, c, &request.options)?;
+            let other = found.contradicts(self.cost_size(r.priced));
+            r.accuracy = Some(found);
+            r.optimality = Some(self.judge_simulated(lowest, (slopes.residual, other), slopes.controls));
+            r.adaptation = self.simulated_adaptation(&r);
+        }
+        Ok(r)
+    }
+
+    /// What constraint is missed by how much.
+    fn missed_text(&self, shooting: &Shooting, v: &Values) -> String {
+        let (lower, upper) = shooting.row_bounds();
+        let share = |i: usize| violation(v, [lower, upper], i) / v.usual[i].max(f64::MIN_POSITIVE);
+        let worst = (0..v.rows.len()).max_by(|a, b| share(*a).total_cmp(&share(*b)));
+        let Some(i) = worst else { return String::new() };
+        format!(
+            "no controls were found whose simulation meets the constraints; those that come closest miss {} by {:.3e}: its value is {:.6e}, its \
+             bounds are {} and {}",
+            shooting.row_name(i),
+            violation(v, [lower, upper], i),
+            v.rows[i],
+            lower[i],
+            upper[i]
+        )
+    }
+
+    /// The motion of a simulation, whose states stand behind `first` others, and its transitions; of every stage with an event at its end the
+    /// state on the other side of that.
+    fn write_motion(&self, run: Run, first: usize, r: &mut OcpResult) -> Result<Vec<Option<Vec<f64>>>> {
+        let path = run.path.as_ref().ok_or_else(|| Error::Internal("a simulation without output".into()))?;
+        let tableau = r.trajectory.tableau().clone();
+        let (nx, a_inv) = (self.system.dims().x, tableau.a_inv.clone().unwrap_or_default());
+        let mut events: Vec<f64> = run.jumps.iter().map(|j| j.t).collect();
+        events.extend(run.impacts.iter().map(|i| i.t));
+        events.extend(run.switches.iter().map(|s| s.t));
+        events.extend(run.phases.iter().map(|p| p.t));
+        events.sort_by(f64::total_cmp);
+        let n_fe = self.n_fe.iter().copied().chain(std::iter::repeat(self.settings.n_fe as usize));
+        let mut whole = vec![0.0; run.x.len()];
+        let mut state = |t: f64| -> Result<Vec<f64>> {
+            path.eval(t.min(run.t), 0, &mut whole)?;
+            Ok(whole[first..first + nx].to_vec())
+        };
+        let (mut start, mut beside) = (self.t0, Vec::with_capacity(self.n_stages));
+        for ((stage, length), n_fe) in r.durations.iter().enumerate().zip(n_fe) {
+            let end = start + length;
+            let inside = |t: &f64| *t > start + BEHIND * length && *t < end - BEHIND * length;
+            let mut cuts: Vec<f64> = std::iter::once(start).chain(events.iter().copied().filter(inside)).collect();
+            cuts.push(end);
+            cuts.dedup_by(|b, a| *b - *a <= BEHIND * length);
+            for w in cuts.windows(2) {
+                let n = (n_fe as f64 * (w[1] - w[0]) / length).ceil().max(1.0);
+                for i in 0..n as usize {
+                    let (t, h) = (w[0] + (w[1] - w[0]) * i as f64 / n, (w[1] - w[0]) / n);
+                    let x0 = state(if i == 0 { t + BEHIND * h } else { t })?;
+                    let mut xs = Vec::with_capacity(POINTS * nx);
+                    for c in &tableau.c {
+                        xs.extend(state(t + c * h)?);
+                    }
+                    let slope = |k: usize| -> f64 {
+                        let (i, s) = (k / nx, k % nx);
+                        (0..POINTS).map(|j| a_inv[i * POINTS + j] * (xs[j * nx + s] - x0[s])).sum()
+                    };
+                    let hk = (0..POINTS * nx).map(slope).collect();
+                    let x1 = xs[(POINTS - 1) * nx..].to_vec();
+                    r.trajectory.elements.push(Element { t, h, stage, x0, x1, xs, hk, ..Element::default() });
+                }
+            }
+            let near = |t: &&f64| (*t - end).abs() <= AT_END * length;
+            beside.push(match events.iter().find(near) {
+                Some(t) if *t >= end && end < run.t => Some(state(end + AT_END * length)?),
+                Some(t) if *t >= end => Some(run.x[first..first + nx].to_vec()),
+                Some(t) => Some(state(*t)?),
+                None => None,
+            });
+            start = end;
+        }
+        let mut ends = vec![self.t0];
+        r.durations.iter().for_each(|d| ends.push(ends[ends.len() - 1] + d));
+        ends.remove(0);
+        let stage_of = |t: f64| ends.iter().take_while(|e| **e < t).count().min(self.n_stages - 1);
+        r.jumps = run
+            .jumps
+            .iter()
+            .map(|j| JumpMade {
+                t: j.t,
+                transition: j.transition,
+                stage: stage_of(j.t),
+                at_once: j.rate.is_nan(),
+                before: j.before[first..first + nx].to_vec(),
+                after: j.after[first..first + nx].to_vec(),
+            })
+            .collect();
+        if run.mechanics.is_some() {
+            r.contacts = Some(Contacts::of_run(run, &ends));
+        }
+        Ok(beside)
+    }
+
+    /// Is the grid fine enough? There is none: states are simulated.
+    fn simulated_adaptation(&self, r: &OcpResult) -> Option<Adaptation> {
+        if self.settings.adapt_tol <= 0.0 {
+            return None;
+        }
+        let round = Round {
+            elements: vec![1; self.n_stages],
+            n_variables: r.dimensions.0,
+            error: r.error(),
+            cost: r.cost_reached,
+            exact: r.is_exact(),
+            iterations: 0,
+        };
+        let reached = round.error <= self.settings.adapt_tol;
+        Some(Adaptation { rounds: vec![round], kept: 0, reached })
+    }
+}
