@@ -126,10 +126,13 @@ impl Ocp {
     /// its bound at all points together. Known of exact solutions ([`crate::mpcc::Polish::Done`]) of problems without transitions and contacts,
     /// and of smooth ones.
     pub fn multipliers(&mut self, of: MultipliersOf) -> Result<Multipliers> {
-        if self.system.mechanics().is_some() {
+        let simulated = self.is_simulated();
+        if self.system.mechanics().is_some() && !simulated {
             return Err(Error::State("multipliers are not known of problems with contacts".into()));
         }
-        self.system.check_without_transitions("a multiplier")?;
+        if !simulated {
+            self.system.check_without_transitions("a multiplier")?;
+        }
         let n = self.count_multipliers(of);
         if let MultipliersOf::Path(k)
         | MultipliersOf::Terminal(k)
@@ -139,6 +142,9 @@ impl Ocp {
             if k >= n {
                 return Err(Error::Range(format!("there is no constraint {k} of this kind: there are {n}")));
             }
+        }
+        if simulated {
+            return self.simulated_multipliers(of);
         }
         let exact = self.result.as_ref().is_some_and(OcpResult::has_exact_modes);
         let (true, Some(Built { problem, solver, .. })) = (exact, self.built.as_deref_mut()) else {

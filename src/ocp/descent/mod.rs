@@ -12,8 +12,8 @@ use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::random::SplitMix64;
 use crate::stop;
-pub(super) use shooting::{Given, Shooting};
-pub(super) use sqp::{minimise, restore, Lowest, Program, Values};
+pub(super) use shooting::{Given, Record, RowOf, Shooting};
+pub(super) use sqp::{look_around, minimise, restore, Lowest, Program, Values};
 
 /// Simulations of the horizon of a descent at most.
 const EVALUATIONS: usize = 80;

@@ -3,7 +3,7 @@
 
 use super::sqp::{Program, Values};
 use crate::error::{Error, Result};
-use crate::event::{self, Engine};
+use crate::event::{self, Engine, Run};
 use crate::fesd::{PathAt, Sizes};
 use crate::func::Point;
 use crate::ocp::accuracy::tolerances;
@@ -63,6 +63,8 @@ pub(in crate::ocp) struct Shooting<'a> {
     plain: Option<Engine>,
     /// Does the system depend on the time?
     timed: bool,
+    /// Derivatives by states and parameters on the way, while they are taken down.
+    records: Option<Vec<Record>>,
     /// Steps of simulations so far.
     pub steps: usize,
     /// About the cost.
@@ -84,6 +86,29 @@ pub(in crate::ocp) struct Shooting<'a> {
     usual: Sizes,
     /// Ends of the pieces of every stage as shares of it, the last of which is 1.
     cuts: Vec<Vec<f64>>,
+}
+
+/// What a simulation passes, with derivatives by its states and the parameters there.
+pub(in crate::ocp) enum Record {
+    /// The start of a stage.
+    Stage,
+    /// A piece of a stage: of the states at its end.
+    Piece { x: DMatrix<f64>, p: DMatrix<f64> },
+    /// The cost, or rows from this one on; `start` is by the state at the start of the horizon.
+    Outputs { first: Option<usize>, start: Option<DMatrix<f64>>, x: DMatrix<f64>, p: DMatrix<f64> },
+}
+
+/// What a row of the constraints belongs to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::ocp) enum RowOf {
+    /// A path constraint by its number.
+    Path(usize),
+    /// The bounds of a state.
+    State(usize),
+    /// A terminal constraint.
+    Terminal(usize),
+    /// A constraint between both ends.
+    Boundary(usize),
 }
 
 /// A point of the simulation with the derivatives of what it depends on by the variables.
@@ -146,6 +171,7 @@ impl<'a> Shooting<'a> {
             engine: Engine::new(&ocp.system_with_cost(e)?, &with_derivatives)?,
             plain: None,
             timed: e.system.depends_on_time(),
+            records: None,
             steps: 0,
             cost: given.cost,
             at: Places {
@@ -326,12 +352,19 @@ impl<'a> Shooting<'a> {
         (std::mem::replace(&mut self.engine, usual), found)
     }
 
-    /// A simulation with all its events and dense output, and what it makes of variables, where it gets to the end.
-    pub fn traced(&mut self, z: &[f64]) -> Result<(Engine, Option<Values>)> {
+    /// A simulation with all its events and dense output, what it makes of variables where it gets to the end, and the state `more` behind the end
+    /// where there is an event before that.
+    pub fn traced(&mut self, z: &[f64], more: f64) -> Result<(Run, Option<Values>, Option<Vec<f64>>)> {
         let options = event::Options { dense: true, ..self.options() };
         let engine = Engine::stopping_for_all(&self.ocp.system_with_cost(self.e)?, &options)?;
-        let (engine, found) = self.simulated_by(engine, z);
-        Ok((engine, found?))
+        let (mut engine, found) = self.simulated_by(engine, z);
+        let (found, run) = (found?, engine.take_run());
+        let end = run.t + more;
+        let goes_on = found.is_some() && matches!(engine.advance(end), Ok(event::Outcome::Reached));
+        let is_event =
+            engine.jumps().len() + engine.impacts().len() + engine.switches().len() + engine.phases().len() > 0;
+        let behind = (goes_on && is_event).then(|| engine.state().to_vec());
+        Ok((run, found, behind))
     }
 
     fn options(&self) -> event::Options {
@@ -374,41 +407,73 @@ impl<'a> Shooting<'a> {
         self.place_among([all.clone(), all], controls)
     }
 
-    /// What a row is of.
-    pub fn row_name(&self, row: usize) -> String {
-        let path = |k: usize, c: usize| format!("path constraint {c} in control stage {k}");
-        let mut left = row;
-        let mut is = |n: usize| {
-            let found = left < n;
-            left = left.wrapping_sub(if found { 0 } else { n });
-            found
+    /// What every row is of, with its control stage and the share of that behind it.
+    pub fn rows(&self) -> Vec<(RowOf, usize, f64)> {
+        let mut out = Vec::with_capacity(self.row_lower.len());
+        let mut add = |of: RowOf, n: usize, stage: usize, share: f64| {
+            out.extend(std::iter::repeat_n((of, stage, share), n));
         };
         for k in 0..self.ocp.n_stages {
-            for (i, c) in self.e.path.iter().enumerate() {
-                if is(c.lower.len()) {
-                    return path(k, i);
-                }
-            }
+            self.e.path.iter().enumerate().for_each(|(i, c)| add(RowOf::Path(i), c.lower.len(), k, 0.0));
             for cut in &self.cuts[k] {
-                for s in bounded(self.ocp) {
-                    if is(1) {
-                        return format!("the bounds of state {s} in control stage {k}");
-                    }
-                }
-                for (i, c) in self.e.path.iter().enumerate().filter(|(_, c)| *cut == 1.0 || c.at != PathAt::ControlGrid)
-                {
-                    if is(c.lower.len()) {
-                        return path(k, i);
-                    }
-                }
+                bounded(self.ocp).into_iter().for_each(|s| add(RowOf::State(s), 1, k, *cut));
+                let here = self.e.path.iter().enumerate();
+                let here = here.filter(|(_, c)| *cut == 1.0 || c.at != PathAt::ControlGrid);
+                here.for_each(|(i, c)| add(RowOf::Path(i), c.lower.len(), k, *cut));
             }
         }
-        for (i, c) in self.e.terminal.iter().enumerate() {
-            if is(c.lower.len()) {
-                return format!("terminal constraint {i}");
+        let last = self.ocp.n_stages - 1;
+        self.e.terminal.iter().enumerate().for_each(|(i, c)| add(RowOf::Terminal(i), c.lower.len(), last, 1.0));
+        self.e.boundary.iter().enumerate().for_each(|(i, c)| add(RowOf::Boundary(i), c.lower.len(), last, 1.0));
+        out
+    }
+
+    /// What a row is of, in words.
+    pub fn row_name(&self, row: usize) -> String {
+        match self.rows().get(row) {
+            Some((RowOf::Path(i), k, _)) => format!("path constraint {i} in control stage {k}"),
+            Some((RowOf::State(i), k, _)) => format!("the bounds of state {i} in control stage {k}"),
+            Some((RowOf::Terminal(i), ..)) => format!("terminal constraint {i}"),
+            _ => "a constraint between both ends".into(),
+        }
+    }
+
+    /// A simulation with its derivatives, and those by states and parameters on the way.
+    pub fn recorded(&mut self, z: &[f64]) -> Result<Option<(Values, Vec<Record>)>> {
+        self.records = Some(Vec::new());
+        let found = self.simulated_at(z);
+        let records = self.records.take().unwrap_or_default();
+        Ok(found?.map(|v| (v, records)))
+    }
+
+    /// The place of an initial state among the variables, where it is free.
+    pub fn initial_at(&self, state: usize) -> Option<usize> {
+        self.at.initial[state]
+    }
+
+    /// That of a parameter.
+    pub fn param_at(&self, j: usize) -> Option<usize> {
+        self.at.params[j]
+    }
+
+    /// Moves a datum that is no variable, an initial state or a parameter of all stages behind those; returns its size.
+    pub fn move_datum(&mut self, datum: usize, by: f64) -> f64 {
+        let np = self.e.system.dims().p;
+        match datum.checked_sub(self.x0.len()) {
+            None => {
+                self.x0[datum] += by;
+                self.usual.x[datum]
+            }
+            Some(j) => {
+                self.params.chunks_mut(np).for_each(|p| p[j] += by);
+                size_of(self.params[j], 0.0, f64::INFINITY, self.usual.p.get(j).copied().unwrap_or(1.0))
             }
         }
-        "a constraint between both ends".into()
+    }
+
+    /// Is a control linear on every stage?
+    pub fn is_linear(&self, control: usize) -> bool {
+        self.at.ends.get(control).is_some_and(Option::is_some)
     }
 
     /// Draws lengths, parameters and initial states that are free within their bounds; those without two bounds stay, and so do slacks.
@@ -528,6 +593,9 @@ impl<'a> Shooting<'a> {
             dslope[(j, from)] = -1.0 / length;
             by.iter().for_each(|(at, share)| dslope[(j, *at)] -= slope[j] * share / length);
         }
+        if let Some(records) = &mut self.records {
+            records.push(Record::Stage);
+        }
         for c in &self.e.path {
             self.add_rows(&c.f, here, out);
         }
@@ -542,6 +610,11 @@ impl<'a> Shooting<'a> {
             let last = cut == 1.0;
             for s in bounded(self.ocp) {
                 let at = 1 + self.ramps.len() + s;
+                if let Some(records) = &mut self.records {
+                    let (mut x, p) = (DMatrix::zeros(1, here.x.len()), DMatrix::zeros(1, d.p));
+                    x[(0, at)] = 1.0;
+                    records.push(Record::Outputs { first: Some(out.rows.len()), start: None, x, p });
+                }
                 out.rows.push(here.x[at]);
                 out.usual.push(self.usual.x[s]);
                 out.jacobian.extend(here.dx.row(at).iter());
@@ -600,6 +673,10 @@ impl<'a> Shooting<'a> {
             if moves {
                 dx += (&now - s.columns(0, nx) * DVector::from_vec(rate)) * here.dt.transpose();
             }
+            if let Some(records) = &mut self.records {
+                let (x, p) = (s.columns(0, nx).into_owned(), s.columns(nx, np).into_owned());
+                records.push(Record::Piece { x, p });
+            }
             if let Some((at, share)) = by {
                 let mut column = dx.column_mut(at);
                 column += share * now;
@@ -616,8 +693,8 @@ impl<'a> Shooting<'a> {
     }
 
     /// Values of a function, their derivatives by the variables and what they are changed by when states and controls change by their
-    /// sizes; NaN where it has none. With `before`, states at the start of the horizon come first.
-    fn values(&self, f: &SharedFunction, here: &Here, before: Option<&Here>) -> Rows {
+    /// sizes; NaN where it has none. With `before`, states at the start of the horizon come first. `row` is the first of its rows, none of the cost.
+    fn values(&mut self, f: &SharedFunction, here: &Here, before: Option<&Here>, row: Option<usize>) -> Rows {
         let first = 1 + self.ramps.len();
         let mut x: Vec<f64> = before.map_or_else(Vec::new, |b| b.x[first..].to_vec());
         x.extend_from_slice(&here.x[first..]);
@@ -651,16 +728,36 @@ impl<'a> Shooting<'a> {
                 usual[i] += v.abs() * size(j).unwrap_or(&0.0);
             }
         }
+        if let Some(records) = &mut self.records {
+            let front = if before.is_some() { d.x / 2 } else { 0 };
+            let (nx, np) = (here.x.len(), here.p.len());
+            let (mut start, mut x, mut p) = (DMatrix::zeros(m, nx), DMatrix::zeros(m, nx), DMatrix::zeros(m, np));
+            for j in 0..d.t_col() {
+                let (to, column) = match j {
+                    j if j < front => (&mut start, first + j),
+                    j if j < d.x => (&mut x, first + j - front),
+                    j if j < d.x + d.u => match self.ramps.iter().position(|r| *r == j - d.x) {
+                        Some(r) => (&mut x, 1 + r),
+                        None => continue,
+                    },
+                    j => (&mut p, j - d.x - d.u),
+                };
+                let entries = pattern.rows(j).iter().zip(&entries[pattern.range(j)]);
+                entries.for_each(|(&i, v)| to[(i, column)] += v);
+            }
+            let start = before.map(|_| start);
+            records.push(Record::Outputs { first: row, start, x, p });
+        }
         Rows { value, slopes, usual }
     }
 
-    fn add_rows(&self, f: &SharedFunction, here: &Here, out: &mut Values) {
-        self.values(f, here, None).add_to(out);
+    fn add_rows(&mut self, f: &SharedFunction, here: &Here, out: &mut Values) {
+        self.values(f, here, None, Some(out.rows.len())).add_to(out);
     }
 
-    fn add_cost(&self, f: Option<&SharedFunction>, here: &Here, out: &mut Values) {
+    fn add_cost(&mut self, f: Option<&SharedFunction>, here: &Here, out: &mut Values) {
         let Some(f) = f else { return };
-        let Rows { value, slopes, .. } = self.values(f, here, None);
+        let Rows { value, slopes, .. } = self.values(f, here, None, None);
         out.cost += value[0];
         out.gradient.iter_mut().zip(slopes.row(0).iter()).for_each(|(g, s)| *g += s);
     }
@@ -709,7 +806,7 @@ impl Program for Shooting<'_> {
             self.add_rows(&c.f, &here, out);
         }
         for c in &self.e.boundary {
-            self.values(&c.f, &here, Some(&start)).add_to(out);
+            self.values(&c.f, &here, Some(&start), Some(out.rows.len())).add_to(out);
         }
         Ok(out.cost.is_finite() && out.rows.iter().all(|v| v.is_finite()))
     }

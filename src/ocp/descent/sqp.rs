@@ -52,6 +52,13 @@ const FAR: f64 = 100.0;
 /// Least curvature along a step, relative to that of the model, of Powell's damping.
 const DAMPING: f64 = 0.2;
 
+/// Distance, in the sizes of the variables, at which the end of a descent is looked around, the curvature there as a share of what counts as steep,
+/// first-order change that ends that, and the one that counts as none.
+const AROUND: f64 = 1e-4;
+const BENDING: f64 = 1e-5;
+const FLAT_AROUND: f64 = 1e-6;
+const STATIONARY: f64 = super::super::optimality::NONE;
+
 /// A cost and constraints `lower ≤ c(z) ≤ upper` with their derivatives.
 #[derive(Debug, Clone, Default)]
 pub(in crate::ocp) struct Values {
@@ -99,6 +106,10 @@ pub(in crate::ocp) struct Lowest {
     pub kink: bool,
     /// Multipliers of the constraints, positive at upper bounds: `[m]`.
     pub multipliers: Vec<f64>,
+    /// First-order change within a unit box that is left, relative to `unit`; NaN where nobody looked around.
+    pub left: f64,
+    /// At a kink the points next to the end whose derivatives make up a combination that vanishes, with their weights; the rest of 1 is that of the end.
+    pub beside: Vec<(f64, Vec<f64>)>,
 }
 
 /// Values at the end of a step that failed.
@@ -149,6 +160,66 @@ pub(in crate::ocp) fn minimise(program: &mut dyn Program, z: &[f64], evaluations
     lowest.before = before.cost / descent.unit;
     lowest.unit = 1.0 / descent.unit;
     Ok(Some(lowest))
+}
+
+/// Looks around the end of a descent, at a distance that simulations tell from their errors: what first order promises there, with all pieces that meet
+/// there, is the change that is left, and the multipliers are those of it. A point that is lower is taken. (Gradient sampling: J. V. Burke,
+/// A. S. Lewis, M. L. Overton, *A robust gradient sampling algorithm for nonsmooth, nonconvex optimization*, 2005.)
+pub(in crate::ocp) fn look_around(program: &mut dyn Program, lowest: &mut Lowest) -> Result<()> {
+    let mut here = Values::default();
+    if !program.evaluate(&lowest.z, &mut here)? {
+        return Ok(());
+    }
+    let Some(mut descent) = Descent::new(program, &here)? else { return Ok(()) };
+    // what is left is compared with what the cost was divided by on the way
+    (descent.unit, descent.slope) = (1.0 / lowest.unit, 1.0);
+    let mut y: Vec<f64> = lowest.z.iter().zip(&descent.size).map(|(z, s)| z / s).collect();
+    // next to a kink rounding decides on the side: what is said of a point is said of its bits
+    if !descent.evaluate(&y, &mut here)? {
+        return Ok(());
+    }
+    descent.price = DEARER
+        * lowest
+            .multipliers
+            .iter()
+            .zip(&descent.row_unit)
+            .fold(PRICE, |m, (mu, r)| m.max((mu * descent.unit / r).abs()));
+    let (mut lowest_flat, mut last) = (f64::INFINITY, None);
+    let (mut found, mut there) = (QpSolution::new(&descent.qp), Values::default());
+    for _ in 0..2 * PIECES {
+        descent.qp.hess_u.fill(0.0);
+        (0..descent.n).for_each(|j| descent.qp.hess_u[j * (descent.n + 1)] = BENDING / AROUND);
+        if !descent.step(&y, &here, &here.rows, AROUND, &mut found) {
+            break;
+        }
+        descent.multipliers.copy_from_slice(&found.row_mu[..descent.m]);
+        let gain = descent.promised(&here, &found.u).0;
+        if gain / AROUND < lowest_flat {
+            lowest_flat = gain / AROUND;
+            last = Some((descent.certificate(&found), y.clone(), here.clone()));
+        }
+        if gain <= FLAT_AROUND * AROUND {
+            break;
+        }
+        let next = descent.moved(&y, &found.u);
+        lowest.evaluations += 1;
+        if !descent.evaluate(&next, &mut there)? {
+            break;
+        }
+        if descent.merit(&here) - descent.merit(&there) > FAIR * gain {
+            (y, lowest_flat) = (next, f64::INFINITY);
+            std::mem::swap(&mut here, &mut there);
+        } else if !descent.remember(&y, &here, next, &there) {
+            break;
+        }
+    }
+    let Some(((multipliers, beside), y, here)) = last else { return Ok(()) };
+    let violation = descent.violation(here.rows.iter().copied()).1;
+    lowest.z = y.iter().zip(&descent.size).map(|(y, s)| y * s).collect();
+    (lowest.cost, lowest.violation) = (here.cost / descent.unit, violation);
+    (lowest.stationary, lowest.kink) = (lowest_flat <= STATIONARY, !beside.is_empty());
+    (lowest.left, lowest.multipliers, lowest.beside) = (lowest_flat, multipliers, beside);
+    Ok(())
 }
 
 /// The nearest point to `z` that meets the constraints, by steps that are as short as they can be. `None` where none is found.
@@ -343,6 +414,7 @@ impl<'a> Descent<'a> {
         let mut found = QpSolution::new(&self.qp);
         let (mut there, mut radius, mut spent) = (Values::default(), FIRST_BOX, 1);
         let (mut fresh, mut flattest, mut promised) = (true, f64::INFINITY, f64::INFINITY);
+        let mut certificate = (vec![0.0; self.m], Vec::new());
         while spent < evaluations && radius > LAST_BOX {
             self.pieces.retain(|p| p.y.iter().zip(&y).all(|(a, b)| (a - b).abs() <= FAR * radius));
             if !self.step(&y, &here, &here.rows, radius, &mut found) {
@@ -366,7 +438,10 @@ impl<'a> Descent<'a> {
             if left <= MET && self.lower_price() {
                 gain = self.promised(&here, &found.u).0;
             }
-            flattest = flattest.min(gain / (radius * self.slope.max(NOTHING)));
+            let flat = gain / (radius * self.slope.max(NOTHING));
+            if flat < flattest {
+                (flattest, certificate) = (flat, self.certificate(&found));
+            }
             if gain <= NOTHING {
                 break;
             }
@@ -401,7 +476,7 @@ impl<'a> Descent<'a> {
                 radius = if self.remember(&y, &here, next, &there) { 0.5 * longest } else { radius };
             }
         }
-        let kink = found.row_mu[self.m..].iter().any(|mu| *mu > NOTHING);
+        let (multipliers, beside) = certificate;
         Ok(Lowest {
             z: y.iter().zip(&self.size).map(|(y, s)| y * s).collect(),
             before: f64::NAN,
@@ -412,9 +487,19 @@ impl<'a> Descent<'a> {
             gain: -here.cost,
             violation: self.violation(here.rows.iter().copied()).1,
             stationary: flattest <= STILL,
-            kink,
-            multipliers: self.multipliers.iter().zip(&self.row_unit).map(|(mu, r)| mu * r / self.unit).collect(),
+            kink: !beside.is_empty(),
+            beside,
+            multipliers,
+            left: f64::NAN,
         })
+    }
+
+    /// Multipliers of the constraints, and the pieces on the other side of kinks with theirs: what a step says of the point it begins at.
+    fn certificate(&self, found: &QpSolution) -> (Vec<f64>, Vec<(f64, Vec<f64>)>) {
+        let rows = found.row_mu[..self.m].iter().zip(&self.row_unit).map(|(mu, r)| mu * r / self.unit);
+        let pieces = self.pieces.iter().zip(&found.row_mu[self.m..]).filter(|(_, mu)| **mu > NOTHING);
+        let back = |p: &Piece| p.y.iter().zip(&self.size).map(|(y, s)| y * s).collect();
+        (rows.collect(), pieces.map(|(p, mu)| (*mu, back(p))).collect())
     }
 
     /// A price that only a start far from the constraints needed would make every step along curved constraints fail: where a step meets

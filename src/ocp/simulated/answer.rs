@@ -27,9 +27,9 @@ impl Ocp {
         lowest: &Lowest,
         request: &Request,
     ) -> Result<OcpResult> {
-        let (engine, values) = shooting.traced(&lowest.z)?;
+        let (run, values, behind) = shooting.traced(&lowest.z, AT_END * self.horizon / self.n_stages as f64)?;
         let Some(values) = values else {
-            let why = if engine.reason().is_empty() { "the end is not reached" } else { engine.reason() };
+            let why = if run.reason.is_empty() { "the end is not reached" } else { &run.reason[..] };
             return Err(Error::Numeric(format!("the answer of a descent is simulated no more: {why}")));
         };
         let solved = lowest.violation <= MET;
@@ -69,14 +69,14 @@ impl Ocp {
         } else {
             r.message = self.missed_text(shooting, &values);
         }
-        let beside = self.write_motion(engine.into_run(), shooting.n_front(), &mut r)?;
-        let slopes = shooting.residual(&lowest.z, lowest)?;
-        r.residuals.dual = slopes.residual;
+        let beside = self.write_motion((run, behind), shooting.n_front(), &mut r)?;
+        r.residuals.dual = lowest.left;
+        let gradient = shooting.gradient(lowest)?;
         if let (Some(c), true) = (request.comparison, solved) {
             let found = self.compare_motion(&r, &beside, c, &request.options)?;
             let other = found.contradicts(self.cost_size(r.priced));
             r.accuracy = Some(found);
-            r.optimality = Some(self.judge_simulated(lowest, (slopes.residual, other), slopes.controls));
+            r.optimality = Some(self.judge_simulated(lowest, other, shooting.own_controls(&gradient)));
             r.adaptation = self.simulated_adaptation(&r);
         }
         Ok(r)
@@ -101,7 +101,12 @@ impl Ocp {
 
     /// The motion of a simulation, whose states stand behind `first` others, and its transitions; of every stage with an event at its end the
     /// state on the other side of that.
-    fn write_motion(&self, run: Run, first: usize, r: &mut OcpResult) -> Result<Vec<Option<Vec<f64>>>> {
+    fn write_motion(
+        &self,
+        (run, behind): (Run, Option<Vec<f64>>),
+        first: usize,
+        r: &mut OcpResult,
+    ) -> Result<Vec<Option<Vec<f64>>>> {
         let path = run.path.as_ref().ok_or_else(|| Error::Internal("a simulation without output".into()))?;
         let tableau = r.trajectory.tableau().clone();
         let (nx, a_inv) = (self.system.dims().x, tableau.a_inv.clone().unwrap_or_default());
@@ -146,6 +151,7 @@ impl Ocp {
                 Some(t) if *t >= end && end < run.t => Some(state(end + AT_END * length)?),
                 Some(t) if *t >= end => Some(run.x[first..first + nx].to_vec()),
                 Some(t) => Some(state(*t)?),
+                None if end >= run.t => behind.as_ref().map(|x| x[first..first + nx].to_vec()),
                 None => None,
             });
             start = end;

@@ -17,7 +17,7 @@ use std::time::Instant;
 use self::space::{descend, Simulations, MET};
 use super::accuracy::Accuracy;
 use super::between::Between;
-use super::descent::{restore, Given, Lowest, Shooting};
+use super::descent::{look_around, restore, Given, Lowest, Shooting};
 use super::extend::Extended;
 use super::optimality::{Optimality, Verdict};
 use super::portfolio::SEARCH;
@@ -42,12 +42,29 @@ const ROUNDS: usize = 7;
 /// Share of a stage below which two points are one.
 const SAME_POINT: f64 = 1e-6;
 
-/// An end of the search with what it is made of, for derivatives.
-pub(super) struct Last {
-    lowest: Lowest,
+/// What is varied, and what stands for all that is not.
+pub(super) struct Base {
     extended: Extended,
-    cuts: Vec<Vec<f64>>,
     usual: Sizes,
+    durations: Vec<f64>,
+    x0: Vec<f64>,
+    /// About the cost: tolerances are made of it, and next to a kink rounding decides on the side, so that it stays as it is.
+    cost: f64,
+}
+
+impl Base {
+    /// The problem in the variables of descents.
+    fn shooting<'a>(&'a self, ocp: &'a Ocp, cuts: &[Vec<f64>]) -> Result<Shooting<'a>> {
+        let Base { extended, usual, durations, x0, cost } = self;
+        Shooting::new(ocp, extended, Given { durations, x0, cost: *cost, usual, cuts: cuts.to_vec() })
+    }
+}
+
+/// The end of a solve with what it is made of, for derivatives.
+pub(super) struct Last {
+    base: Base,
+    cuts: Vec<Vec<f64>>,
+    lowest: Lowest,
 }
 
 /// Do finite elements and programs of modes not follow a system that is simulated?
@@ -93,17 +110,11 @@ impl Ocp {
         if let Some(r) = last.as_mut() {
             self.restate_start(r);
         }
-        let mut e = self.extended()?;
-        e.params = self.extended_params(&e);
-        let wide = e.system.dims().p.max(1);
-        if let Some(r) = last.as_ref().filter(|_| self.stage_params.is_none()) {
-            e.params.chunks_mut(wide).for_each(|p| p[..r.params.len()].copy_from_slice(&r.params));
-        }
-        let usual = self.known_or_own_sizes()?;
+        let base = self.base(last.as_ref())?;
         let mut budget = Budget::new(f64::INFINITY);
-        let mut cuts = Shooting::cuts(self, &e, vec![Vec::new(); self.n_stages]);
+        let mut cuts = Shooting::cuts(self, &base.extended, vec![Vec::new(); self.n_stages]);
         let found = control.sooner(SEARCH, |control| {
-            self.search_simulated((&e, &usual, &cuts), last.as_ref(), request, &mut budget, control)
+            self.search_simulated(base.shooting(self, &cuts)?, last.as_ref(), request, &mut budget, control)
         })?;
         let Some(mut lowest) = found.all.into_iter().next().map(|f| f.0) else {
             let none = "no controls that were tried could be simulated to the end of the horizon: give a guess of the controls that can";
@@ -112,7 +123,7 @@ impl Ocp {
         let mut cut = (found.ended == search::Ended::Limit).then(|| stop::requested().unwrap_or(Why::Interrupted));
         let mut result = None;
         for round in 0..=ROUNDS {
-            let mut shooting = self.shooting((&e, &usual, &cuts), last.as_ref())?;
+            let mut shooting = base.shooting(self, &cuts)?;
             let before = shooting.steps;
             if cut.is_none() {
                 match self.finish(&mut shooting, lowest.clone(), control, &mut budget) {
@@ -137,7 +148,7 @@ impl Ocp {
                 break;
             }
             // a row for every new point: multipliers are those of the next descent
-            cuts = Shooting::cuts(self, &e, cuts);
+            cuts = Shooting::cuts(self, &base.extended, cuts);
         }
         let mut result = result.ok_or_else(|| Error::Internal("a search without an answer".into()))?;
         result.stats = Statistics { time_total: clock.elapsed().as_secs_f64(), ..budget.stats };
@@ -145,36 +156,41 @@ impl Ocp {
             result.tell_cut(why);
         }
         self.result = Some(result);
-        self.simulated = Some(Box::new(Last { lowest, extended: e, cuts, usual }));
+        self.simulated = Some(Box::new(Last { base, cuts, lowest }));
         Ok(())
     }
 
-    /// The problem in the variables of descents, from an answer of before or from what is given.
-    fn shooting<'a>(
-        &'a self,
-        (e, usual, cuts): (&'a Extended, &Sizes, &[Vec<f64>]),
-        last: Option<&OcpResult>,
-    ) -> Result<Shooting<'a>> {
+    /// What descents begin with: an answer of before, or what is given.
+    fn base(&self, last: Option<&OcpResult>) -> Result<Base> {
+        let mut extended = self.extended()?;
+        extended.params = self.extended_params(&extended);
+        let wide = extended.system.dims().p.max(1);
+        if let Some(r) = last.filter(|_| self.stage_params.is_none()) {
+            extended.params.chunks_mut(wide).for_each(|p| p[..r.params.len()].copy_from_slice(&r.params));
+        }
         let bounds = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]);
         let own: Vec<f64> = match &self.x_guess {
             Some((_, x)) => bounds.zip(x).map(|((l, u), x)| x.max(*l).min(*u)).collect(),
             None => bounds.map(|(l, u)| middle(*l, *u)).collect(),
         };
-        let x0 = last.and_then(|r| r.trajectory.elements.first()).map_or(&own, |e| &e.x0);
-        let durations = last.map_or(&self.durations, |r| &r.durations);
-        let cost = last.map_or(0.0, |r| r.cost_reached);
-        Shooting::new(self, e, Given { durations, x0, cost, usual, cuts: cuts.to_vec() })
+        Ok(Base {
+            extended,
+            usual: self.known_or_own_sizes()?,
+            durations: last.map_or(&self.durations, |r| &r.durations).clone(),
+            x0: last.and_then(|r| r.trajectory.elements.first()).map_or(own, |e| e.x0.clone()),
+            cost: last.map_or(0.0, |r| r.cost_reached),
+        })
     }
 
     fn search_simulated(
         &self,
-        parts: (&Extended, &Sizes, &[Vec<f64>]),
+        shooting: Shooting,
         last: Option<&OcpResult>,
         request: &Request,
         budget: &mut Budget,
         control: &mut Control,
     ) -> Result<search::Found<Lowest, Vec<u64>>> {
-        let mut space = Simulations::new(self, self.shooting(parts, last)?, last);
+        let mut space = Simulations::new(self, shooting, last);
         let plan = |sources: &[Source], effort: f64| Plan {
             sources: sources.to_vec(),
             effort,
@@ -219,6 +235,7 @@ impl Ocp {
                 break;
             }
         }
+        look_around(shooting, &mut lowest)?;
         Ok(lowest)
     }
 
@@ -239,16 +256,14 @@ impl Ocp {
         added
     }
 
-    /// What a descent says of its end, with the first-order change that is left, and whether another simulation contradicts it.
-    fn judge_simulated(&self, s: &Lowest, (residual, contradicted): (f64, bool), gradient: Vec<f64>) -> Optimality {
-        // what began next to its end has seen no slope that what is left could be compared with: then the conditions of first order say it
-        let stationary = s.stationary || residual <= super::optimality::NONE;
-        let doubt = match (stationary, contradicted) {
+    /// What a descent says of its end, and whether another simulation contradicts it.
+    fn judge_simulated(&self, s: &Lowest, contradicted: bool, gradient: Vec<f64>) -> Optimality {
+        let doubt = match (s.stationary, contradicted) {
             (_, true) => Some(super::optimality::CONTRADICTED),
             (false, _) => Some("the last descent did not end at a point from which no direction leads down"),
             _ => None,
         };
-        let mut out = Optimality::of_one_order(doubt, "", residual, gradient, Vec::new());
+        let mut out = Optimality::of_one_order(doubt, "", s.left, gradient, Vec::new());
         if doubt.is_none() {
             out.certify_by_descent(if s.kink { Verdict::Kink } else { Verdict::LocalOptimum });
         }
