@@ -16,15 +16,14 @@ fn refuse<T>(what: &str) -> Result<T> {
     Err(Error::Unsupported(format!("real-time control does not know {what}")))
 }
 
-/// Does the system switch?
+/// Does the system switch, so that its stages are simulated by events?
 pub(super) fn switches(s: &Statement) -> bool {
-    !s.system.subsystems().is_empty() || !s.system.inclusions().is_empty()
+    let by_modes = s.system.subsystems().len() + s.system.inclusions().len() > 0;
+    by_modes || !s.system.transitions().is_empty() || s.system.mechanics().is_some()
 }
 
 /// What a controller cannot do yet, said when it is made.
 fn check(s: &Statement) -> Result<()> {
-    s.system.check_without_transitions("real-time control")?;
-    s.system.check_without_contacts("real-time control")?;
     if switches(s) && s.system.n_algebraic() > 0 {
         return refuse("algebraic equations in systems that switch");
     }
@@ -117,7 +116,7 @@ pub(super) fn stage(ocp: &Ocp, options: &Options, n: usize) -> Result<Box<dyn St
         if options.scheme == Scheme::Mli || options.level != Level::D0 {
             return refuse("levels other than D0 for systems that switch: their derivatives change with the modes");
         }
-        return Ok(Box::new(EventStage::new(s.system, &s.settings.into())?));
+        return Ok(Box::new(EventStage::new(s.simulated, &s.settings.into())?));
     }
     let Some(f) = s.system.f0() else { return refuse("systems without a right-hand side") };
     let own = crate::fesd::Options::from_settings(s.settings)?;

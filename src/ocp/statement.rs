@@ -12,6 +12,8 @@ use crate::system::{SharedFunction, System};
 #[allow(missing_docs)]
 pub struct Statement<'a> {
     pub system: &'a System,
+    /// The system as events follow it: another one than that of the finite elements where it is projected.
+    pub simulated: &'a System,
     pub settings: &'a Settings,
     pub horizon: f64,
     pub n_stages: usize,
@@ -107,12 +109,13 @@ impl Ocp {
             chosen: _,
             clearance: _,
             inside: _,
-            projected: _,
+            projected,
             only_simulates: _,
             simulated: _,
         } = self;
         Statement {
             system,
+            simulated: projected.as_ref().unwrap_or(system),
             settings,
             horizon: *horizon,
             n_stages: *n_stages,

@@ -120,6 +120,14 @@ class Bench:
 
     # --- optimal control --------------------------------------------------------------------------
 
+    def sum_of_starts(self, u):
+        """The cost that a controller sees: its rate summed over the starts of the stages, (10.1)."""
+        q, v = 0, 2 if "bilateral" in self.case.parts else 1
+        run, h = self.run(u=u), HORIZON / len(u)
+        x = run(h * np.arange(len(u)))
+        rate = x[:, q] ** 2 + 0.5 * x[:, v] ** 2 + 0.2 * u[:, 0] ** 2
+        return h * rate.sum() + 2.0 * (run.x_end[q] - 0.2) ** 2
+
     def problem(self, p=P0, by=0.0, horizon=HORIZON, stages=STAGES, mayer=True, fixed=True, **options):
         c = self.case
         # control_bounds of a choice are those of its values
@@ -334,7 +342,7 @@ class Bench:
         assert np.all(np.isfinite(u)) and np.all(np.abs(u) <= 2.0 + 1e-9), f"control {u}"
         controls = np.asarray(plan.u)[:STAGES]
         zero = np.zeros_like(controls)
-        assert self.cost(controls) <= self.cost(zero) + 1e-2, "the plan costs more than no control"
+        assert self.sum_of_starts(controls) <= self.sum_of_starts(zero) + 1e-6, "the plan costs more than no control"
         agree(plan.x[-1][:2], self.run(u=controls).x_end[:2], 3e-2, "end of the plan")
 
     def document(self):

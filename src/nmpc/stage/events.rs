@@ -10,7 +10,7 @@ use crate::system::System;
 /// Share of what a control would do in one stage if nothing stuck, below which it does nothing.
 const INERT: f64 = 1e-6;
 
-/// The solution of the piecewise smooth system over every stage with its exact derivatives, through switches (6.25) and sliding modes.
+/// The motion of a system over every stage with its exact derivatives, through switches (6.25), sliding modes, impacts and transitions.
 /// Stages are independent of each other, and there may be any number of them in a call.
 ///
 /// Switches are logged by the engine, which allocates.
