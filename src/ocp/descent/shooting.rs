@@ -848,7 +848,7 @@ mod tests {
         let at_wall = |p: &StatePoint| (w[p.at] - 0.35).abs() < 1e-9 && p.share < 1.0 - SAME_POINT;
         let wall: Vec<StatePoint> = b.problem.state_points(w).into_iter().filter(at_wall).collect();
         assert!(!wall.is_empty());
-        let shooting = Shooting::new(&o, b, &r, &o.sizes().unwrap()).unwrap();
+        let shooting = Shooting::beside(&o, b, &r, &o.sizes().unwrap()).unwrap();
         assert!(wall.iter().any(|p| shooting.cuts[p.stage].contains(&p.share)), "{wall:?}, {:?}", shooting.cuts);
         for cuts in &shooting.cuts {
             assert!(cuts.len() >= PIECES && cuts.windows(2).all(|c| c[0] < c[1]) && cuts.last() == Some(&1.0));
