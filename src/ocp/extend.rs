@@ -89,7 +89,7 @@ impl Soft {
     }
 
     /// Slacks of their own in every control stage, rather than common ones of the horizon.
-    fn by_stage(&self) -> bool {
+    pub fn by_stage(&self) -> bool {
         self.at.is_some() && self.norm != Norm::Linf
     }
 

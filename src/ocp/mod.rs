@@ -240,6 +240,8 @@ pub struct Ocp {
     simulated: Option<Box<simulated::Last>>,
     /// How contact modes are found, where the system is a scene, and what the last solve knows of them.
     scene: scene::SceneControl,
+    /// What is known of transitions.
+    transitions: transitions::State,
 }
 
 impl Ocp {
@@ -304,6 +306,7 @@ impl Ocp {
             only_simulates,
             simulated: None,
             scene: scene::SceneControl::default(),
+            transitions: transitions::State::default(),
         })
     }
 

@@ -184,6 +184,7 @@ impl Ocp {
             lagrange: e.lagrange.clone(),
             mayer: e.mayer.clone(),
             grid_cost: e.grid_cost.clone(),
+            goes_on: self.transitions.goes_on,
             path: e.path.clone(),
             terminal: e.terminal.clone(),
             boundary: e.boundary.clone(),

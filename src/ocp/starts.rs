@@ -222,6 +222,7 @@ impl Ocp {
             only_simulates: self.only_simulates,
             simulated: None,
             scene: self.scene.blank(),
+            transitions: self.transitions.blank(),
         }
     }
 }

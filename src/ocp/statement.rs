@@ -106,6 +106,7 @@ impl Ocp {
             largest: _,
             shifted: _,
             scene: _,
+            transitions: _,
             chosen: _,
             clearance: _,
             inside: _,

@@ -7,7 +7,7 @@ use crate::fesd::{Durations, Element, PathAt, PathConstraint, Place, RowMeaning,
 use crate::func::Function;
 use crate::nlp::Bounds;
 use crate::ocp::solve::Built;
-use crate::ocp::{CostAt, Norm, Ocp};
+use crate::ocp::{CostAt, Ocp};
 use crate::settings::RkFamily;
 use crate::system::{combination, Direction, Transition};
 
@@ -46,12 +46,6 @@ pub(super) fn knows_time(f: &dyn Function) -> bool {
 /// What the statement may not have where there are transitions.
 pub(super) fn check(ocp: &Ocp) -> Result<()> {
     let unsupported = |what: &str| Err(Error::Unsupported(format!("optimal control with transitions: {what}")));
-    if ocp.squares.iter().any(|q| q.place == CostAt::ControlGrid) {
-        return unsupported("least squares at the control grid; sum them along the horizon or at its end");
-    }
-    if ocp.soft.iter().any(|s| s.norm == Norm::Linf && s.at.is_some()) {
-        return unsupported("the largest violation along the horizon (Linf); relax with L1 or L2");
-    }
     if ocp.modes.is_some() {
         return unsupported("mode sequences that are given");
     }
@@ -129,6 +123,9 @@ impl Leg {
             o.terminal.clear();
             o.squares.retain(|q| q.place != CostAt::Terminal);
             o.soft.retain(|s| s.at.is_some());
+            // the last leg pays for what they have in common
+            o.soft.iter_mut().filter(|s| !s.by_stage()).for_each(|s| s.weight = 0.0);
+            o.transitions.goes_on = true;
         }
         let mut leg = Leg { ocp: o, first, values, begins, ends, guards: Vec::new() };
         leg.bound_discrete(whole, automaton);

@@ -54,6 +54,20 @@ pub struct JumpMade {
     pub after: Vec<f64>,
 }
 
+/// What a problem knows of transitions.
+#[derive(Default)]
+pub(super) struct State {
+    /// It is a part of a problem, before a transition: its last stage goes on in the next part.
+    pub goes_on: bool,
+}
+
+impl State {
+    /// The same without answers.
+    pub fn blank(&self) -> State {
+        State { goes_on: self.goes_on }
+    }
+}
+
 impl Ocp {
     /// Does the system have transitions?
     pub(super) fn has_transitions(&self) -> bool {

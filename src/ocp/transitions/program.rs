@@ -9,6 +9,7 @@ use crate::fesd::{Durations, Sizes};
 use crate::func::Dims;
 use crate::mpcc::{MpccSolver, Solution};
 use crate::nlp::{Bounds, Control, Outcome};
+use crate::ocp::extend::Slacks;
 use crate::ocp::joint::{self, Coupling, Plan, Source};
 use crate::ocp::request::Request;
 use crate::ocp::solve::{Built, Start};
@@ -138,6 +139,7 @@ impl<'a> Program<'a> {
         for (v, w) in a.param_places().iter().zip(b.param_places()).take(d.p) {
             equal.extend(v.zip(*w).map(|(v, w)| (self.first[j - 1] + v, self.first[j] + w)));
         }
+        equal.extend(self.common_slacks(j - 1).into_iter().zip(self.common_slacks(j)));
         if self.shares_stage(j) {
             let (u, v) = (a.places().1, b.places().1);
             let u = self.first[j - 1] + u[u.len() - 1];
@@ -149,6 +151,14 @@ impl<'a> Program<'a> {
             out.push(linear("continuity", rows, &[0.0; 2]));
         }
         out
+    }
+
+    /// Variables of leg `k` that are slacks along the horizon, in the order of the constraints: all legs have the same.
+    fn common_slacks(&self, k: usize) -> Vec<usize> {
+        let (o, b) = (&self.legs[k].ocp, &self.built[k]);
+        let of = o.soft.iter().zip(&b.extended.slacks).filter(|(s, _)| s.at.is_some());
+        let params = of.flat_map(|(_, at)| if let Slacks::Params(r) = at { r.clone() } else { 0..0 });
+        params.filter_map(|j| b.problem.param_places()[j]).map(|v| self.first[k] + v).collect()
     }
 
     /// Does leg `j` begin within the last stage of the one before?
@@ -232,9 +242,8 @@ impl<'a> Program<'a> {
             if k == 0 {
                 continue;
             }
-            for v in b.problem.param_places().iter().take(d.p).flatten() {
-                free(&mut all, self.first[k] + v);
-            }
+            let params = b.problem.param_places().iter().take(d.p).flatten().map(|v| self.first[k] + v);
+            params.chain(self.common_slacks(k)).for_each(|v| free(&mut all, v));
             if self.shares_stage(k) {
                 let u = self.first[k] + b.problem.places().1[0];
                 (0..d.u).filter(|&j| !self.whole.linear[j]).for_each(|j| free(&mut all, u + j));
