@@ -8632,6 +8632,43 @@ swb_status swb_ocp_set_modes(struct swb_ocp *ocp,
                              int64_t n_cells);
 
 /**
+ * Transitions of the last solution as a part of its mode sequence: see swb_ocp_set_mode_transitions.
+ *
+ * @param[out] t          [n] swb_ocp_jump_count, times from the start of the horizon
+ * @param[out] transition [n] which ones, in the order they were added to the system
+ * @param[out] stage      [n] the control stages they are made in
+ * @param[out] at_once    [n] 1 where the guard does not pass zero: it is beyond zero where its discrete state begins, or where the
+ *                        control changes
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_ocp_get_mode_transitions(const struct swb_ocp *ocp,
+                                        double *t,
+                                        int64_t *transition,
+                                        int64_t *stage,
+                                        int32_t *at_once,
+                                        int64_t n);
+
+/**
+ * Give the transitions of the mode sequence, which swb_ocp_set_modes was given before: the next solves make these, in these control
+ * stages, and no others, unless that has no solution. Without this call after swb_ocp_set_modes none is made.
+ *
+ * @param[in] t          [n] times from the start of the horizon, to start from
+ * @param[in] transition [n] which ones, in the order they were added to the system
+ * @param[in] stage      [n] the control stages they are made in, not falling
+ * @param[in] at_once    [n] not 0 where the guard is beyond zero without passing it
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE if no modes are given; SWB_ERR_RANGE for transitions or stages that do not exist, or
+ *         stages that fall
+ */
+SWB_API
+swb_status swb_ocp_set_mode_transitions(struct swb_ocp *ocp,
+                                        const double *t,
+                                        const int64_t *transition,
+                                        const int64_t *stage,
+                                        const int32_t *at_once,
+                                        int64_t n);
+
+/**
  * Random controls to start from, the same for the same seed: first the guess a solve starts from, then random ones within
  * the bounds of the controls.
  *

@@ -30,7 +30,7 @@ fn sequence(phases: &[(f64, &str)]) -> ModeSequence {
     ModeSequence {
         times: phases.iter().map(|p| p.0).collect(),
         modes: phases.iter().flat_map(|p| p.1.chars().flat_map(active)).collect(),
-        cells: Vec::new(),
+        ..ModeSequence::default()
     }
 }
 
@@ -202,7 +202,7 @@ fn a_sequence_without_a_solution_is_left() {
     o.set_modes(Some(many)).unwrap();
     let e = o.solve(&mut Control::default()).unwrap_err().to_string();
     assert!(e.contains("stage 0 has 4 phases and 3 elements"), "{e}");
-    o.set_modes(Some(ModeSequence { times: vec![0.0], modes: vec![true], cells: vec![] })).unwrap();
+    o.set_modes(Some(ModeSequence { times: vec![0.0], modes: vec![true], ..ModeSequence::default() })).unwrap();
     assert!(o.solve(&mut Control::default()).is_err());
 }
 

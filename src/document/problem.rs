@@ -9,7 +9,7 @@ use crate::error::{check_run, finite, Error, Result};
 use crate::fesd::PathAt;
 use crate::func::{Function, Maximum};
 use crate::memory::sizes::check as sizes;
-use crate::ocp::{CostAt, CostOf, Durations, ModeSequence, Nominal, Norm, Ocp, Statement};
+use crate::ocp::{CostAt, CostOf, Durations, ModeSequence, Nominal, Norm, Ocp, Statement, TransitionAt};
 use crate::settings::Settings;
 use crate::system::System;
 
@@ -234,6 +234,29 @@ struct SavedModes {
     modes: Vec<bool>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     cells: Vec<bool>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    transitions: Vec<SavedAtTime>,
+}
+
+/// A transition of such an order.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedAtTime {
+    t: f64,
+    transition: usize,
+    stage: usize,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    at_once: bool,
+}
+
+impl SavedAtTime {
+    fn of(t: &TransitionAt) -> SavedAtTime {
+        SavedAtTime { t: t.t, transition: t.transition, stage: t.stage, at_once: t.at_once }
+    }
+
+    fn transition(&self) -> TransitionAt {
+        TransitionAt { t: self.t, transition: self.transition, stage: self.stage, at_once: self.at_once }
+    }
 }
 
 #[derive(Clone, Serialize, Deserialize)]
@@ -360,7 +383,12 @@ impl SavedOcp {
             }),
             state_guess: s.x_guess.map(|g| SavedGuess { times: g.0.clone(), states: g.1.clone() }),
             control_guess: s.u_guess.map(<[f64]>::to_vec),
-            modes: s.modes.cloned().map(|m| SavedModes { times: m.times, modes: m.modes, cells: m.cells }),
+            modes: s.modes.cloned().map(|m| SavedModes {
+                times: m.times,
+                modes: m.modes,
+                cells: m.cells,
+                transitions: m.transitions.iter().map(SavedAtTime::of).collect(),
+            }),
         })
     }
 
@@ -421,8 +449,9 @@ impl SavedOcp {
         if let Some(u) = &self.control_guess {
             ocp.set_u_guess(u)?;
         }
-        if let Some(SavedModes { times, modes, cells }) = self.modes.clone() {
-            ocp.set_modes(Some(ModeSequence { times, modes, cells }))?;
+        if let Some(SavedModes { times, modes, cells, transitions }) = self.modes.clone() {
+            let transitions = transitions.iter().map(SavedAtTime::transition).collect();
+            ocp.set_modes(Some(ModeSequence { times, modes, cells, transitions }))?;
         }
         Ok(ocp)
     }

@@ -49,6 +49,11 @@ impl Fesd {
         self.exit = exit;
     }
 
+    /// What ends a sliding mode.
+    pub fn exit(&self) -> Exit {
+        self.exit
+    }
+
     /// What ends a sliding mode best with this method: the slope, but for two stages of which the first is at the start,
     /// whose slope is a secant over the whole element.
     pub fn usual_exit(&self) -> Exit {

@@ -362,7 +362,7 @@ fn value(f: &SharedFunction, at: &Point) -> std::result::Result<Vec<f64>, EvalEr
     f.value(at, &mut out, &mut vec![0.0; f.work_len()]).map(|()| out)
 }
 
-fn interpolate(times: &[f64], states: &[f64], t: f64, x: &mut [f64]) {
+pub(super) fn interpolate(times: &[f64], states: &[f64], t: f64, x: &mut [f64]) {
     let nx = x.len();
     let k = times.partition_point(|&s| s <= t).clamp(1, times.len());
     let a = &states[(k - 1) * nx..k * nx];

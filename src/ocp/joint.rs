@@ -5,8 +5,8 @@ use super::solve::Built;
 use crate::fesd::Fesd;
 use crate::func::{EvalError, EvalResult, Point};
 use crate::linalg::csc::Pattern;
-use crate::mpcc::{ActiveSetProposer, Mpcc, MpccSolver, Polish, ProposalKind, Side};
-use crate::nlp::{Bounds, Control, Nlp, Outcome};
+use crate::mpcc::{ActiveSetProposer, Distance, Mpcc, MpccSolver, Polish, ProposalKind, Side};
+use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
 use crate::system::SharedFunction;
 
 /// `lower ≤ f(x_k(T), x_{k+1}(0)) ≤ upper`.
@@ -275,14 +275,22 @@ fn record(p: &Pattern, to: &mut (Vec<usize>, Vec<usize>), row: impl Fn(usize) ->
     }
 }
 
-/// Solves the joint program from `start`: with the other condition at the ends of sliding modes where the usual one has no
+/// Where a solve of the joint program begins.
+pub(super) struct Begin<'a> {
+    /// The point.
+    pub(super) at: &'a [f64],
+    /// The active set to begin with, where it is known.
+    pub(super) sides: Option<&'a [Side]>,
+}
+
+/// Solves the joint program: with the active set that is known, and where it has no solution or there is none along the homotopy: with the other condition at the ends of sliding modes where the usual one has no
 /// solution, then from active sets next to what was found. Every phase proposes active sets of its own.
 pub(super) fn solve(
     plan: &mut Plan,
     solver: &mut MpccSolver,
     built: &mut [Box<Built>],
     bounds: &Bounds,
-    start: &[f64],
+    begin: Begin,
     control: &mut Control,
 ) {
     let (mut problems, mut identifiers): (Vec<_>, Vec<_>) =
@@ -290,7 +298,15 @@ pub(super) fn solve(
     let (groups, variables) = (plan.groups.clone(), plan.variables.clone());
     let mut proposer = InTurn { identifiers: &mut identifiers, groups, variables, turn: Turn::default() };
     let mut all = Program { parts: problems.iter_mut().map(|p| &mut **p).collect(), plan };
-    solver.solve_with(&mut all, bounds, start, control, &mut proposer);
+    let mut spent = Statistics::default();
+    if let Some(sides) = begin.sides {
+        if solver.solve_sides(&mut all, bounds, sides, (begin.at, Distance::Far), control, &mut proposer) {
+            return;
+        }
+        spent = solver.solution().stats;
+    }
+    solver.solve_with(&mut all, bounds, begin.at, control, &mut proposer);
+    solver.add_cost(&spent);
     let found = solver.solution();
     if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
         all.parts.iter_mut().for_each(|p| p.set_exit(p.usual_exit().other()));
@@ -377,6 +393,25 @@ impl PlacedLink {
         let d = self.coupling.f.dims();
         let (x, u, p) = (&inputs[..d.x], &inputs[d.x..d.x + d.u], &inputs[d.x + d.u..d.t_col()]);
         body(&Point { t: inputs[d.t_col()], x, u, p }, work)
+    }
+}
+
+impl Program<'_> {
+    /// Gradient of `yᵀ f` of a coupling: variables and derivatives.
+    pub(super) fn coupling_gradient(
+        &mut self,
+        k: usize,
+        w: &[f64],
+        y: &[f64],
+    ) -> std::result::Result<Vec<(usize, f64)>, EvalError> {
+        let plan = &mut *self.plan;
+        let l = &plan.links[k];
+        let f = &l.coupling.f;
+        let values = &mut plan.values[..f.jac_pattern().nnz()];
+        l.with(w, &mut plan.inputs, &mut plan.work, |z, work| f.jacobian(z, values, work))?;
+        let all = entries(f.jac_pattern()).zip(&*values);
+        let of = |((j, i), v): ((usize, usize), &f64)| Some((l.coupling.inputs[j].variable()?, y[l.row + i] * v));
+        Ok(all.filter_map(of).collect())
     }
 }
 

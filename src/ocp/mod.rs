@@ -58,7 +58,7 @@ pub use crate::jumps::{Contacts, Method as Jumps};
 pub use accuracy::Accuracy;
 pub use adapt::{Adaptation, Round};
 pub use between::{Along, Between};
-pub use modes::ModeSequence;
+pub use modes::{ModeSequence, TransitionAt};
 pub use multipliers::{Multipliers, MultipliersOf};
 pub use nominal::Nominal;
 pub use optimality::{Kink, Optimality, Verdict};
@@ -544,7 +544,7 @@ impl Ocp {
             )));
         }
         if self.time != what {
-            self.built = None;
+            self.forget_programs();
         }
         self.time = what;
         self.time_bounds = [lower, upper];
@@ -594,7 +594,7 @@ impl Ocp {
         let before = self.free_params();
         self.p_bounds = Some([lower.to_vec(), upper.to_vec()]);
         if self.free_params() != before {
-            self.built = None;
+            self.forget_programs();
         }
         Ok(())
     }
@@ -604,7 +604,7 @@ impl Ocp {
         finite("parameter", p, self.n_stages * self.params.len())?;
         if self.stage_params.replace(p.to_vec()).is_none() {
             // switching functions of parameters jump at the ends of stages
-            self.built = None;
+            self.forget_programs();
         }
         Ok(())
     }
@@ -646,9 +646,15 @@ impl Ocp {
         }
     }
 
+    /// What was discretised is of no use any more.
+    fn forget_programs(&mut self) {
+        self.built = None;
+        self.transitions.last = None;
+    }
+
     /// The structure is another one.
     fn changed(&mut self) {
-        self.built = None;
+        self.forget_programs();
         self.engine = None;
         self.measured = None;
         self.largest = 0.0;

@@ -1,10 +1,23 @@
 //! Mode sequences in and out.
 
 use super::identify::shares;
-use super::{Ocp, OcpResult};
+use super::{JumpMade, Ocp, OcpResult};
 use crate::dcs::Form;
 use crate::error::{finite, Error, Result};
 use crate::mpcc::Side;
+
+/// A transition of a sequence.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TransitionAt {
+    /// Time from the start of the horizon.
+    pub t: f64,
+    /// The transition, in the order they were added to the system.
+    pub transition: usize,
+    /// The control stage it is made in.
+    pub stage: usize,
+    /// Its guard is beyond zero where its discrete state begins, or where the control changes: it does not pass zero.
+    pub at_once: bool,
+}
 
 /// The active modes along a horizon, phase by phase: one mode of every subsystem, or several while it slides.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -17,6 +30,8 @@ pub struct ModeSequence {
     /// region takes several sign patterns does not say which, and in the Heaviside form a mode that does not depend on
     /// the sign of a switching function does not say that sign.
     pub cells: Vec<bool>,
+    /// Transitions in the order of time, of systems that have some.
+    pub transitions: Vec<TransitionAt>,
 }
 
 impl ModeSequence {
@@ -36,7 +51,25 @@ impl ModeSequence {
                 self.cells.len()
             )));
         }
+        finite("time of a transition", &self.transitions.iter().map(|t| t.t).collect::<Vec<_>>(), self.transitions.len())?;
+        if let Some(k) = self.transitions.windows(2).position(|t| t[0].stage > t[1].stage) {
+            return Err(Error::Range(format!("transition {} of the sequence is in an earlier stage than the one before", k + 1)));
+        }
         Ok(())
+    }
+
+    /// The part within a span of time, from its start.
+    pub(super) fn within(&self, from: f64, to: f64) -> ModeSequence {
+        let n = self.times.len();
+        let (n_modes, n_cells) = (self.modes.len() / n, self.cells.len() / n);
+        let mut part = ModeSequence::default();
+        let holds = |k: usize| (self.times[k] < to || self.times[k] <= from) && self.times.get(k + 1).is_none_or(|t| *t > from);
+        for k in (0..n).filter(|&k| holds(k)) {
+            part.times.push(if part.times.is_empty() { 0.0 } else { self.times[k] - from });
+            part.modes.extend_from_slice(&self.modes[k * n_modes..(k + 1) * n_modes]);
+            part.cells.extend_from_slice(&self.cells[k * n_cells..(k + 1) * n_cells]);
+        }
+        part
     }
 
     /// The active set of phase `k` as sides of the cells.
@@ -113,7 +146,7 @@ impl ModeSequence {
 }
 
 impl OcpResult {
-    /// The modes of every element of the solution; those of elements without length are left out.
+    /// The modes of every element of the solution, those of elements without length left out, and its transitions.
     pub fn modes(&self) -> ModeSequence {
         let elements = &self.trajectory.elements;
         let t0 = elements.first().map_or(0.0, |e| e.t);
@@ -123,6 +156,13 @@ impl OcpResult {
             s.modes.extend_from_slice(&e.active);
             s.cells.extend_from_slice(&e.active_cells);
         }
+        let of = |j: &JumpMade| TransitionAt {
+            t: (j.t - t0).max(0.0),
+            transition: j.transition,
+            stage: j.stage,
+            at_once: j.at_once,
+        };
+        s.transitions = self.jumps.iter().map(of).collect();
         s
     }
 }
@@ -131,9 +171,15 @@ impl Ocp {
     /// Gives the order of modes: the next solves start with its branch problem, from the guesses of states and controls,
     /// and follow the homotopy only where that has no solution. Neighbours of it are tried within the budget
     /// `mode_search` only. `None` forgets it.
+    ///
+    /// Where the system has transitions, those of the sequence are made, and no others.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for times and stages that fall, for transitions that the system does not have, or that cannot follow each other.
     pub fn set_modes(&mut self, modes: Option<ModeSequence>) -> Result<()> {
         if let Some(m) = &modes {
             m.check()?;
+            self.check_sequence(&m.transitions)?;
         }
         self.modes = modes;
         self.shifted = None;
@@ -151,7 +197,7 @@ mod tests {
     use super::*;
 
     fn sequence(times: &[f64], modes: &[bool]) -> ModeSequence {
-        ModeSequence { times: times.to_vec(), modes: modes.to_vec(), cells: Vec::new() }
+        ModeSequence { times: times.to_vec(), modes: modes.to_vec(), ..ModeSequence::default() }
     }
 
     #[test]
@@ -167,6 +213,16 @@ mod tests {
         ] {
             assert!(wrong.check().is_err(), "{wrong:?}");
         }
+    }
+
+    #[test]
+    fn a_part_of_a_sequence_begins_at_its_start() {
+        let s = sequence(&[0.0, 0.5, 0.75], &[true, false, false, true, true, true]);
+        assert_eq!(s.within(0.6, 0.7), sequence(&[0.0], &[false, true]));
+        // no time is a part too
+        assert_eq!(s.within(0.0, 0.0), sequence(&[0.0], &[true, false]));
+        let part = s.within(0.25, 2.0);
+        assert_eq!(part, sequence(&[0.0, 0.25, 0.5], &[true, false, false, true, true, true]));
     }
 
     #[test]

@@ -52,12 +52,16 @@ impl Multipliers {
 }
 
 /// A point of the discretised problem.
-struct Answer<'a> {
-    problem: &'a mut Fesd,
-    w: &'a [f64],
-    y: &'a [f64],
-    z: &'a [f64],
-    t0: f64,
+pub(super) struct Answer<'a> {
+    pub problem: &'a mut Fesd,
+    pub w: &'a [f64],
+    pub y: &'a [f64],
+    pub z: &'a [f64],
+    pub t0: f64,
+    /// Rows that say nothing of their own.
+    pub again: &'a [usize],
+    /// The first of the points at which the states have bounds: 1 behind an initial state, which has its own.
+    pub first: usize,
 }
 
 impl Answer<'_> {
@@ -80,7 +84,8 @@ impl Answer<'_> {
     }
 
     fn path(&self, index: usize, value: impl Fn(usize) -> Vec<f64>) -> Multipliers {
-        let points = self.problem.path_rows(index, self.w);
+        let mut points = self.problem.path_rows(index, self.w);
+        points.retain(|p| !self.again.contains(&p.1));
         Multipliers {
             times: points.iter().map(|p| self.t0 + p.0).collect(),
             values: points.iter().flat_map(|p| value(p.1)).collect(),
@@ -104,61 +109,22 @@ impl Answer<'_> {
         let (starts, lengths) = (self.starts(), self.problem.stage_lengths(self.w));
         let points = self.problem.state_points(self.w);
         Multipliers {
-            times: points[1..].iter().map(|p| starts[p.stage] + p.share * lengths[p.stage]).collect(),
-            values: points[1..].iter().flat_map(|p| self.bounds(p.at, nx)).collect(),
-        }
-    }
-}
-
-impl Ocp {
-    /// Constraints of the kind of `of`, whose index does not count; 1 for what is no list.
-    pub fn count_multipliers(&self, of: MultipliersOf) -> usize {
-        match of {
-            MultipliersOf::Path(_) => self.path.len(),
-            MultipliersOf::Terminal(_) => self.terminal.len(),
-            MultipliersOf::Boundary(_) => self.boundary.len(),
-            MultipliersOf::Relaxed(_) => self.n_relaxed(),
-            _ => 1,
+            times: points[self.first..].iter().map(|p| starts[p.stage] + p.share * lengths[p.stage]).collect(),
+            values: points[self.first..].iter().flat_map(|p| self.bounds(p.at, nx)).collect(),
         }
     }
 
-    /// Multipliers of the last solution, as the discretised problem has them: those of a path constraint add up to the effect of
-    /// its bound at all points together. Known of exact solutions ([`crate::mpcc::Polish::Done`]) of problems without transitions and contacts,
-    /// and of smooth ones.
-    pub fn multipliers(&mut self, of: MultipliersOf) -> Result<Multipliers> {
-        let simulated = self.is_simulated();
-        if self.system.mechanics().is_some() && !simulated {
-            return Err(Error::State("multipliers are not known of problems with contacts".into()));
-        }
-        if !simulated {
-            self.system.check_without_transitions("a multiplier")?;
-        }
-        let n = self.count_multipliers(of);
-        if let MultipliersOf::Path(k)
-        | MultipliersOf::Terminal(k)
-        | MultipliersOf::Boundary(k)
-        | MultipliersOf::Relaxed(k) = of
-        {
-            if k >= n {
-                return Err(Error::Range(format!("there is no constraint {k} of this kind: there are {n}")));
-            }
-        }
-        if simulated {
-            return self.simulated_multipliers(of);
-        }
-        let exact = self.result.as_ref().is_some_and(OcpResult::has_exact_modes);
-        let (true, Some(Built { problem, solver, .. })) = (exact, self.built.as_deref_mut()) else {
-            return Err(Error::State("there is no exact solution to have multipliers: solve the problem first".into()));
-        };
-        let s = solver.solution();
-        let mut a = Answer { problem, w: &s.x, y: &s.y, z: &s.z, t0: self.t0 };
-        let d = self.system.dims();
+    /// Multipliers of the problem `o` at this point.
+    pub fn of(&mut self, o: &Ocp, of: MultipliersOf) -> Result<Multipliers> {
+        let a = self;
+        let t0 = a.t0;
+        let d = o.system.dims();
         let soft = |k: usize| {
-            let before = |end: bool| self.soft[..k].iter().filter(|s| s.at.is_none() == end).count();
-            let c = &self.soft[k];
+            let before = |end: bool| o.soft[..k].iter().filter(|s| s.at.is_none() == end).count();
+            let c = &o.soft[k];
             (c.f.n_out(), before(c.at.is_none()), c.at.is_none())
         };
-        let start = |values: Vec<f64>| Multipliers { times: vec![self.t0], values };
+        let start = |values: Vec<f64>| Multipliers { times: vec![t0], values };
         Ok(match of {
             MultipliersOf::Costates => {
                 a.problem.set_polishing(true);
@@ -179,31 +145,84 @@ impl Ocp {
             }
             MultipliersOf::Params => {
                 let places = &a.problem.param_places()[..d.p];
-                start(places.iter().map(|p| p.map_or(0.0, |at| -s.z[at])).collect())
+                start(places.iter().map(|p| p.map_or(0.0, |at| -a.z[at])).collect())
             }
             MultipliersOf::Path(k) => {
-                let width = self.path[k].f.n_out();
-                a.path(k, |row| s.y[row..row + width].to_vec())
+                let width = o.path[k].f.n_out();
+                a.path(k, |row| a.y[row..row + width].to_vec())
             }
             MultipliersOf::Terminal(k) => {
                 let row = a.problem.end_rows()[0][k];
-                a.at_end(s.y[row..row + self.terminal[k].f.n_out()].to_vec())
+                a.at_end(a.y[row..row + o.terminal[k].f.n_out()].to_vec())
             }
             MultipliersOf::Boundary(k) => {
                 let row = a.problem.end_rows()[1][k];
-                a.at_end(s.y[row..row + self.boundary[k].f.n_out()].to_vec())
+                a.at_end(a.y[row..row + o.boundary[k].f.n_out()].to_vec())
             }
             MultipliersOf::Relaxed(k) => {
                 // the lower bounds, then the upper ones: of a row at most one is active
                 let (width, before, at_end) = soft(k);
-                let both = |row: usize| (row..row + width).map(|r| s.y[r] + s.y[r + width]).collect::<Vec<f64>>();
+                let both = |row: usize| (row..row + width).map(|r| a.y[r] + a.y[r + width]).collect::<Vec<f64>>();
                 if at_end {
-                    let row = a.problem.end_rows()[0][self.terminal.len() + before];
+                    let row = a.problem.end_rows()[0][o.terminal.len() + before];
                     a.at_end(both(row))
                 } else {
-                    a.path(self.path.len() + before, both)
+                    a.path(o.path.len() + before, both)
                 }
             }
         })
+    }
+}
+
+impl Ocp {
+    /// Constraints of the kind of `of`, whose index does not count; 1 for what is no list.
+    pub fn count_multipliers(&self, of: MultipliersOf) -> usize {
+        match of {
+            MultipliersOf::Path(_) => self.path.len(),
+            MultipliersOf::Terminal(_) => self.terminal.len(),
+            MultipliersOf::Boundary(_) => self.boundary.len(),
+            MultipliersOf::Relaxed(_) => self.n_relaxed(),
+            _ => 1,
+        }
+    }
+
+    /// Multipliers of the last solution, as the discretised problem has them: those of a path constraint add up to the effect of
+    /// its bound at all points together. Known of exact solutions ([`crate::mpcc::Polish::Done`]) of problems without contacts,
+    /// and of smooth ones. Of discrete states they are zero, and costates are those before a transition that is made at the same time.
+    pub fn multipliers(&mut self, of: MultipliersOf) -> Result<Multipliers> {
+        let simulated = self.is_simulated();
+        if self.system.mechanics().is_some() && !simulated {
+            return Err(Error::State("multipliers are not known of problems with contacts".into()));
+        }
+        let n = self.count_multipliers(of);
+        if let MultipliersOf::Path(k)
+        | MultipliersOf::Terminal(k)
+        | MultipliersOf::Boundary(k)
+        | MultipliersOf::Relaxed(k) = of
+        {
+            if k >= n {
+                return Err(Error::Range(format!("there is no constraint {k} of this kind: there are {n}")));
+            }
+        }
+        if simulated {
+            return self.simulated_multipliers(of);
+        }
+        let none = || Error::State("there is no exact solution to have multipliers: solve the problem first".into());
+        if !self.result.as_ref().is_some_and(OcpResult::has_exact_modes) {
+            return Err(none());
+        }
+        if let Some((then, kept)) = &self.transitions.last {
+            return kept.multipliers(then, of);
+        }
+        let mut built = self.built.take().ok_or_else(none)?;
+        let found = self.multipliers_of(&mut built, of);
+        self.built = Some(built);
+        found
+    }
+
+    fn multipliers_of(&self, Built { problem, solver, .. }: &mut Built, of: MultipliersOf) -> Result<Multipliers> {
+        let s = solver.solution();
+        let (w, y, z) = (&s.x[..], &s.y[..], &s.z[..]);
+        Answer { problem, w, y, z, t0: self.t0, again: &[], first: 1 }.of(self, of)
     }
 }

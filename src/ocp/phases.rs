@@ -250,7 +250,7 @@ impl MultiPhase {
         let bounds = plan.bounds(built, self.phases[0].t0);
         let start = self.starting_point(plan, built, &params, &request.options, control)?;
         solver.settings = request.options.solver;
-        joint::solve(plan, solver, built, &bounds, &start, control);
+        joint::solve(plan, solver, built, &bounds, joint::Begin { at: &start, sides: None }, control);
         let mut all = Program { parts: built.iter_mut().map(|b| &mut b.problem).collect(), plan };
         let dimensions = (all.n(), all.m(), all.plan.pairs.len());
         let mut c = vec![f64::NAN; all.m()];

@@ -37,7 +37,9 @@ impl Ocp {
             return self.scene_sensitivity();
         }
         let d = self.system.dims();
-        self.system.check_without_transitions("a derivative of an optimum")?;
+        if let Some((then, kept)) = &self.transitions.last {
+            return kept.sensitivity(then);
+        }
         let Some(Built { problem, solver, bounds, extended, .. }) = self.built.as_deref_mut() else {
             return Err(Error::State("there is no solution to differentiate: solve the problem first".into()));
         };
@@ -51,11 +53,16 @@ impl Ocp {
         let mut explicit = vec![0.0; d.x + d.p];
         problem.set_polishing(true);
         for k in 0..d.p {
-            let found = parameter(problem, &values, k, &w, &y).map_err(|e| no_value(k, &e));
+            let found = parameter(values.stages[k], |h| {
+                values.set(problem, k, h);
+                let r = conditions(problem, &w, &y);
+                values.set(problem, k, 0.0);
+                r
+            });
             if found.is_err() {
                 problem.set_polishing(false);
             }
-            let (change, cost) = found?;
+            let (change, cost) = found.map_err(|e| no_value(k, &e))?;
             changes.push(change);
             explicit[d.x + k] = cost;
         }
@@ -71,7 +78,7 @@ impl Ocp {
     }
 }
 
-fn no_value(k: usize, e: &EvalError) -> Error {
+pub(super) fn no_value(k: usize, e: &EvalError) -> Error {
     if *e == EvalError::Stopped {
         return stop::error();
     }
@@ -79,14 +86,14 @@ fn no_value(k: usize, e: &EvalError) -> Error {
 }
 
 /// Parameters of every stage, `n` each.
-struct Params {
-    stages: Vec<f64>,
-    n: usize,
+pub(super) struct Params {
+    pub stages: Vec<f64>,
+    pub n: usize,
 }
 
 impl Params {
     /// Sets them, the `k`-th ones moved by `h`.
-    fn set(&self, p: &mut Fesd, k: usize, h: f64) {
+    pub fn set(&self, p: &mut Fesd, k: usize, h: f64) {
         let mut moved = self.stages.clone();
         for (stage, values) in moved.chunks_mut(self.n).enumerate() {
             values[k] += h;
@@ -96,22 +103,14 @@ impl Params {
     }
 }
 
-/// What parameter `k` does to gradient of the Lagrangian, rows, and cost while the variables are held.
-fn parameter(
-    p: &mut Fesd,
-    values: &Params,
-    k: usize,
-    w: &[f64],
-    y: &[f64],
+/// What a parameter of the value `at` does to gradient of the Lagrangian, rows, and cost while the variables are held: `conditions` has
+/// them where it is moved by its argument.
+pub(super) fn parameter(
+    at: f64,
+    mut conditions: impl FnMut(f64) -> std::result::Result<Conditions, EvalError>,
 ) -> std::result::Result<(Change, f64), EvalError> {
-    let h = STEP * values.stages[k].abs().max(1.0);
-    let mut at = |h: f64| {
-        values.set(p, k, h);
-        let r = conditions(p, w, y);
-        values.set(p, k, 0.0);
-        r
-    };
-    let (right, left) = (at(h)?, at(-h)?);
+    let h = STEP * at.abs().max(1.0);
+    let (right, left) = (conditions(h)?, conditions(-h)?);
     let difference = |a: &[f64], b: &[f64]| -> Vec<(usize, f64)> {
         let d = a.iter().zip(b).map(|(a, b)| (a - b) / (2.0 * h)).enumerate();
         d.filter(|d| d.1 != 0.0).collect()
@@ -122,9 +121,9 @@ fn parameter(
 }
 
 /// Cost, gradient of the Lagrangian, rows.
-type Conditions = (f64, Vec<f64>, Vec<f64>);
+pub(super) type Conditions = (f64, Vec<f64>, Vec<f64>);
 
-fn conditions(p: &mut Fesd, w: &[f64], y: &[f64]) -> std::result::Result<Conditions, EvalError> {
+pub(super) fn conditions(p: &mut dyn Nlp, w: &[f64], y: &[f64]) -> std::result::Result<Conditions, EvalError> {
     let (mut grad, mut jac) = (vec![0.0; p.n()], vec![0.0; p.jac_pattern().nnz()]);
     let mut rows = vec![0.0; p.m()];
     let cost = p.eval(w, &mut rows)?;

@@ -299,14 +299,22 @@ impl Ocp {
         if self.is_simulated() {
             return self.solve_simulated(start, request, control);
         }
-        if self.has_transitions() {
-            return self.solve_transitions(start, request, control).map(|_| ());
-        }
         let adapts = self.settings.adapt_tol > 0.0;
-        let solved = if adapts { self.adapt(start, request, control) } else { self.search(start, request, control) };
+        let solved = if adapts { self.adapt(start, request, control) } else { self.on_grid(start, request, control) };
         solved.map(|_| ())?;
+        if self.has_transitions() {
+            return Ok(());
+        }
         self.follow_contacts(start, request, control)?;
         self.impose_between(request, control)
+    }
+
+    /// Solves on one grid.
+    pub(super) fn on_grid(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
+        match self.has_transitions() {
+            true => self.solve_transitions(start, request, control),
+            false => self.search(start, request, control),
+        }
     }
 
     /// The result of a solve that is over, with the outcome that says so of a solution that is no whole success.

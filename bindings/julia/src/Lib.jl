@@ -2495,6 +2495,8 @@ const NAMES = [
     :swb_ocp_mode_sizes,
     :swb_ocp_get_modes,
     :swb_ocp_set_modes,
+    :swb_ocp_get_mode_transitions,
+    :swb_ocp_set_mode_transitions,
     :swb_ocp_random_starts,
     :swb_ocp_solve_starts,
     :swb_ocp_get_start,
@@ -6859,6 +6861,39 @@ swb_ocp_set_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
+    swb_ocp_get_mode_transitions(ocp, t, transition, stage, at_once, n) -> swb_status
+
+Transitions of the last solution as a part of its mode sequence: see swb_ocp_set_mode_transitions.
+
+@param[out] t          [n] swb_ocp_jump_count, times from the start of the horizon
+@param[out] transition [n] which ones, in the order they were added to the system
+@param[out] stage      [n] the control stages they are made in
+@param[out] at_once    [n] 1 where the guard does not pass zero: it is beyond zero where its discrete state begins, or where the
+                       control changes
+@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+"""
+swb_ocp_get_mode_transitions(ocp, t, transition, stage, at_once, n) =
+    ccall(address(334), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
+        transition, stage, at_once, n)
+
+"""
+    swb_ocp_set_mode_transitions(ocp, t, transition, stage, at_once, n) -> swb_status
+
+Give the transitions of the mode sequence, which swb_ocp_set_modes was given before: the next solves make these, in these control
+stages, and no others, unless that has no solution. Without this call after swb_ocp_set_modes none is made.
+
+@param[in] t          [n] times from the start of the horizon, to start from
+@param[in] transition [n] which ones, in the order they were added to the system
+@param[in] stage      [n] the control stages they are made in, not falling
+@param[in] at_once    [n] not 0 where the guard is beyond zero without passing it
+@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE if no modes are given; SWB_ERR_RANGE for transitions or stages that do not exist, or
+        stages that fall
+"""
+swb_ocp_set_mode_transitions(ocp, t, transition, stage, at_once, n) =
+    ccall(address(335), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
+        transition, stage, at_once, n)
+
+"""
     swb_ocp_random_starts(ocp, seed, u, n_u) -> swb_status
 
 Random controls to start from, the same for the same seed: first the guess a solve starts from, then random ones within
@@ -6868,7 +6903,7 @@ the bounds of the controls.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_random_starts(ocp, seed, u, n_u) =
-    ccall(address(334), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
+    ccall(address(336), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
 
 """
     swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) -> swb_status
@@ -6889,7 +6924,7 @@ starts; so does swb_ocp_interrupt.
         first start if all fail
 """
 swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
-    ccall(address(335), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
+    ccall(address(337), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
         best)
 
 """
@@ -6905,7 +6940,7 @@ Results of the starts of the last swb_ocp_solve_starts.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
 """
 swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) =
-    ccall(address(336), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
+    ccall(address(338), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
         Int64), ocp, start, outcome, polished, cost, u, n_u)
 
 """
@@ -6919,7 +6954,7 @@ How the grid of the last solve was adapted (option adapt_tol).
 @return SWB_OK; SWB_ERR_STATE before the first solve, and where the option adapt_tol is 0
 """
 swb_ocp_get_adaptation(ocp, n_rounds, kept, reached) =
-    ccall(address(337), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
+    ccall(address(339), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
         reached)
 
 """
@@ -6937,7 +6972,7 @@ One solve on the way to an adapted grid.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
 """
 swb_ocp_get_round(ocp, round, elements, n_elements, n_variables, iterations, error, cost) =
-    ccall(address(338), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
+    ccall(address(340), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
         Ptr{Cdouble}), ocp, round, elements, n_elements, n_variables, iterations, error, cost)
 
 """
@@ -6951,7 +6986,7 @@ control and time of the end.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_boundary(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(339), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(341), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -6963,7 +6998,7 @@ Require that states have the same values at both ends of the horizon.
 @return SWB_OK; SWB_ERR_RANGE if there is no such state
 """
 swb_ocp_add_periodic(ocp, states, n_states) =
-    ccall(address(340), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
+    ccall(address(342), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
 
 """
     swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) -> swb_status
@@ -6976,7 +7011,7 @@ Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the cont
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) =
-    ccall(address(341), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(343), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, weights, n_weights, references, n_references, at)
 
 """
@@ -6989,7 +7024,7 @@ Change the references of a least-squares term.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term
 """
 swb_ocp_set_references(ocp, term, references, n_references) =
-    ccall(address(342), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
+    ccall(address(344), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
 
 """
     swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) -> swb_status
@@ -7004,7 +7039,7 @@ without it; see swb_ocp_get_violation.
 @return as swb_ocp_add_path; SWB_ERR_RANGE if the weight is not positive
 """
 swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) =
-    ccall(address(343), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(345), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32, Int32, Cdouble), ocp, f, lower, n_lower, upper, n_upper, at, norm, weight)
 
 """
@@ -7019,7 +7054,7 @@ is zero. Pairs of controls alone belong to the control grid; elsewhere they woul
 @return as swb_ocp_add_path
 """
 swb_ocp_add_complementarity(ocp, a, b, at) =
-    ccall(address(344), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
+    ccall(address(346), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
 
 """
     swb_ocp_set_elements(ocp, n_fe, n) -> swb_status
@@ -7029,7 +7064,7 @@ Set the number of finite elements of every control stage; without it all have as
 @param[in] n_fe [n] one for every stage, at least 1
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
-swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(345), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
+swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(347), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 
 """
     swb_ocp_set_durations(ocp, durations, n) -> swb_status
@@ -7040,7 +7075,7 @@ Set the lengths of the control stages; where they are free, those to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_durations(ocp, durations, n) =
-    ccall(address(346), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(348), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_set_free_time(ocp, what, lower, upper) -> swb_status
@@ -7053,7 +7088,7 @@ Let the optimiser choose lengths.
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_set_free_time(ocp, what, lower, upper) =
-    ccall(address(347), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
+    ccall(address(349), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
 
 """
     swb_ocp_add_horizon(ocp, lower, upper) -> swb_status
@@ -7063,7 +7098,7 @@ Bound the length of the horizon where those of the stages are free; after swb_oc
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_add_horizon(ocp, lower, upper) =
-    ccall(address(348), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
+    ccall(address(350), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
 
 """
     swb_ocp_set_linear_controls(ocp, linear, nu) -> swb_status
@@ -7074,7 +7109,7 @@ Make controls continuous and linear on every stage; the others stay constant.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_set_linear_controls(ocp, linear, nu) =
-    ccall(address(349), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
+    ccall(address(351), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
 
 """
     swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -7087,7 +7122,7 @@ the others keep those values.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(350), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(352), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7099,7 +7134,7 @@ Set parameters that change from control stage to control stage.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_stage_params(ocp, p, n_p) =
-    ccall(address(351), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+    ccall(address(353), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_solve_warm(ocp, outcome) -> swb_status
@@ -7109,7 +7144,7 @@ Solve from the last solution: after small changes its active set is tried first.
 @param[out] outcome as swb_ocp_solve
 @return as swb_ocp_solve
 """
-swb_ocp_solve_warm(ocp, outcome) = ccall(address(352), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve_warm(ocp, outcome) = ccall(address(354), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_shift(ocp) -> swb_status
@@ -7119,7 +7154,7 @@ initial state that is set by then, and starts from its modes and switching times
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_shift(ocp) = ccall(address(353), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_shift(ocp) = ccall(address(355), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_get_durations(ocp, durations, n) -> swb_status
@@ -7130,7 +7165,7 @@ Lengths of the control stages of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_durations(ocp, durations, n) =
-    ccall(address(354), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(356), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_get_params(ocp, p, n_p) -> swb_status
@@ -7140,7 +7175,7 @@ Parameters of the last solution, those that were free as they were found.
 @param[out] p [n_p] np
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_params(ocp, p, n_p) = ccall(address(355), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+swb_ocp_get_params(ocp, p, n_p) = ccall(address(357), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_get_control_ends(ocp, u, n_u) -> swb_status
@@ -7151,7 +7186,7 @@ Controls at the end of every stage: others than at its start where they are line
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_control_ends(ocp, u, n_u) =
-    ccall(address(356), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(358), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_violation(ocp, violation) -> swb_status
@@ -7160,7 +7195,7 @@ Largest violation of a relaxed constraint.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_violation(ocp, violation) = ccall(address(357), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
+swb_ocp_get_violation(ocp, violation) = ccall(address(359), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 
 """
     swb_ocp_jump_count(ocp, n_jumps) -> swb_status
@@ -7170,7 +7205,7 @@ Number of transitions of the last answer.
 @param[out] n_jumps transitions; 0 for systems without
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE before the first solve
 """
-swb_ocp_jump_count(ocp, n_jumps) = ccall(address(358), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
+swb_ocp_jump_count(ocp, n_jumps) = ccall(address(360), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
 
 """
     swb_ocp_jumps(ocp, jumps, n, struct_size) -> swb_status
@@ -7182,7 +7217,7 @@ The transitions of the last answer in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jumps(ocp, jumps, n, struct_size) =
-    ccall(address(359), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
+    ccall(address(361), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
 
 """
     swb_ocp_jump_states(ocp, index, before, after, n) -> swb_status
@@ -7195,7 +7230,7 @@ The states just before and just behind a transition of the last answer.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jump_states(ocp, index, before, after, n) =
-    ccall(address(360), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
+    ccall(address(362), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
         after, n)
 
 """
@@ -7210,7 +7245,7 @@ links tie it to the end of the phase before. A function of time sees the time fr
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
 """
 swb_multiphase_create(phases, n_phases, settings, out) =
-    ccall(address(361), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
+    ccall(address(363), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
         n_phases, settings, out)
 
 """
@@ -7225,7 +7260,7 @@ controls and no parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no phase behind, or a lower bound is above the upper one
 """
 swb_multiphase_link(m, phase, f, lower, n_lower, upper, n_upper) =
-    ccall(address(362), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
+    ccall(address(364), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), m, phase, f, lower, n_lower, upper, n_upper)
 
 """
@@ -7236,7 +7271,7 @@ Require that the next phase begins where this one ends, in all states.
 @param[in] phase counted from 0
 @return as swb_multiphase_link
 """
-swb_multiphase_link_continuous(m, phase) = ccall(address(363), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
+swb_multiphase_link_continuous(m, phase) = ccall(address(365), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 
 """
     swb_multiphase_link_reset(m, phase, r) -> swb_status
@@ -7249,7 +7284,7 @@ Require that the next phase begins at r(x(T)): what a stage that drops off, a do
 @return as swb_multiphase_link
 """
 swb_multiphase_link_reset(m, phase, r) =
-    ccall(address(364), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
+    ccall(address(366), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
 
 """
     swb_multiphase_solve(m, outcome) -> swb_status
@@ -7259,7 +7294,7 @@ Solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_ocp_solve
 """
-swb_multiphase_solve(m, outcome) = ccall(address(365), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
+swb_multiphase_solve(m, outcome) = ccall(address(367), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
@@ -7271,7 +7306,7 @@ Result of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_info(m, info, struct_size) =
-    ccall(address(366), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
+    ccall(address(368), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
 
 """
     swb_multiphase_get_message(m, buf, len, needed) -> swb_status
@@ -7283,7 +7318,7 @@ Why the last solve did not end with an exact solution; empty where there is noth
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_message(m, buf, len, needed) =
-    ccall(address(367), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
+    ccall(address(369), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
 
 """
     swb_multiphase_get_phase(m, phase, out) -> swb_status
@@ -7296,7 +7331,7 @@ and statistics are those of all phases.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_phase(m, phase, out) =
-    ccall(address(368), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
+    ccall(address(370), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
 
 """
     swb_multiphase_set_iteration(m, iteration, user_data) -> swb_status
@@ -7307,7 +7342,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_multiphase_set_iteration(m, iteration, user_data) =
-    ccall(address(369), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
+    ccall(address(371), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
 
 """
     swb_multiphase_interrupt(m) -> swb_status
@@ -7316,14 +7351,14 @@ Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_multiphase_interrupt(m) = ccall(address(370), swb_status, (Ptr{swb_multiphase},), m)
+swb_multiphase_interrupt(m) = ccall(address(372), swb_status, (Ptr{swb_multiphase},), m)
 
 """
     swb_multiphase_free(m) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_multiphase_free(m) = ccall(address(371), Cvoid, (Ptr{swb_multiphase},), m)
+swb_multiphase_free(m) = ccall(address(373), Cvoid, (Ptr{swb_multiphase},), m)
 
 """
     swb_model_to_json(model, buf, len, needed) -> swb_status
@@ -7337,7 +7372,7 @@ states with the values they begin with, and its transitions. Functions that are 
         too short
 """
 swb_model_to_json(model, buf, len, needed) =
-    ccall(address(372), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(374), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) -> swb_status
@@ -7353,7 +7388,7 @@ Build a model from a document; its expressions become expressions of the graph.
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
 """
 swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) =
-    ccall(address(373), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(375), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_model}}), graph, text, functions, n_functions, rhs, n_rhs, out)
 
 """
@@ -7364,7 +7399,7 @@ Numbers of states, controls and parameters of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_sizes(model, nx, nu, np) =
-    ccall(address(374), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
+    ccall(address(376), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
 
 """
     swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) -> swb_status
@@ -7380,7 +7415,7 @@ Functions that are not made of expressions are named only.
         the buffer is too short
 """
 swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) =
-    ccall(address(375), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
+    ccall(address(377), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
         duration, n_steps, buf, len, needed)
 
 """
@@ -7396,7 +7431,7 @@ Create a simulator from a document; it stands where the simulation begins.
 @return as swb_model_from_json
 """
 swb_simulator_from_json(text, functions, n_functions, duration, n_steps, out) =
-    ccall(address(376), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
+    ccall(address(378), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
         Ptr{Ptr{swb_simulator}}), text, functions, n_functions, duration, n_steps, out)
 
 """
@@ -7411,7 +7446,7 @@ given to start from. Functions that are not made of expressions are named only.
         too short
 """
 swb_ocp_to_json(ocp, buf, len, needed) =
-    ccall(address(377), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(379), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_from_json(text, functions, n_functions, out) -> swb_status
@@ -7424,7 +7459,7 @@ Create an optimal control problem from a document.
 @return as swb_model_from_json
 """
 swb_ocp_from_json(text, functions, n_functions, out) =
-    ccall(address(378), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
+    ccall(address(380), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
         n_functions, out)
 
 """
@@ -7441,7 +7476,7 @@ Create a program without pairs and bounds, parameters and start zero.
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
 """
 swb_mpcc_create(n, np, objective, constraints, settings, out) =
-    ccall(address(379), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
+    ccall(address(381), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
         Ptr{Ptr{swb_mpcc}}), n, np, objective, constraints, settings, out)
 
 """
@@ -7459,7 +7494,7 @@ A constraint may be in one pair only; a variable in several.
         there is no such index
 """
 swb_mpcc_add_pair(mpcc, kind_g, index_g, kind_h, index_h) =
-    ccall(address(380), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
+    ccall(address(382), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
         index_h)
 
 """
@@ -7476,7 +7511,7 @@ nonlinear complementarity problem.
 @return SWB_OK; SWB_ERR_RANGE if the constraint is in a pair or box; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_add_box(mpcc, variable, constraint) =
-    ccall(address(381), swb_status, (Ptr{swb_mpcc}, Int64, Int64), mpcc, variable, constraint)
+    ccall(address(383), swb_status, (Ptr{swb_mpcc}, Int64, Int64), mpcc, variable, constraint)
 
 """
     swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) -> swb_status
@@ -7492,7 +7527,7 @@ For functions described with swb_function_set_linear nothing else is prepared, a
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
 """
 swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) =
-    ccall(address(382), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
+    ccall(address(384), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
         mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data)
 
 """
@@ -7505,7 +7540,7 @@ Set bounds of the variables.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_mpcc_set_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(383), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(385), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7518,7 +7553,7 @@ Set bounds of the constraints; equal bounds make an equation. Those of rows in p
 @return as swb_mpcc_set_bounds
 """
 swb_mpcc_set_constraint_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(384), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(386), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7530,7 +7565,7 @@ Set the parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_params(mpcc, values, np) =
-    ccall(address(385), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
+    ccall(address(387), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
 
 """
     swb_mpcc_set_start(mpcc, w, n) -> swb_status
@@ -7540,7 +7575,7 @@ Set the point to start from.
 @param[in] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mpcc_set_start(mpcc, w, n) = ccall(address(386), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_set_start(mpcc, w, n) = ccall(address(388), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) -> swb_status
@@ -7555,7 +7590,7 @@ goes back to starting from a point alone.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) =
-    ccall(address(387), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(389), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         mpcc, w, n, y, m, z, n_z)
 
 """
@@ -7568,7 +7603,7 @@ Solve.
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
 """
-swb_mpcc_solve(mpcc, outcome) = ccall(address(388), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_solve(mpcc, outcome) = ccall(address(390), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_resolve(mpcc, outcome) -> swb_status
@@ -7579,7 +7614,7 @@ failed, diverged or ended infeasible this is swb_mpcc_solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_resolve(mpcc, outcome) = ccall(address(389), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_resolve(mpcc, outcome) = ccall(address(391), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_outcome(mpcc, outcome) -> swb_status
@@ -7589,7 +7624,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(390), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(392), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
@@ -7599,7 +7634,7 @@ Outcome of the polish, which identifies the active set and solves the smooth pro
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_polished(mpcc, polished) = ccall(address(391), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
+swb_mpcc_get_polished(mpcc, polished) = ccall(address(393), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 
 """
     swb_mpcc_get_objective(mpcc, objective) -> swb_status
@@ -7609,7 +7644,7 @@ Objective.
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_objective(mpcc, objective) =
-    ccall(address(392), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
+    ccall(address(394), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
 
 """
     swb_mpcc_get_solution(mpcc, w, n) -> swb_status
@@ -7619,7 +7654,7 @@ The point.
 @param[out] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_solution(mpcc, w, n) = ccall(address(393), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_get_solution(mpcc, w, n) = ccall(address(395), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_get_constraints(mpcc, c, m) -> swb_status
@@ -7629,7 +7664,7 @@ Constraints at the point.
 @param[out] c [m] rows; NaN where the solve failed
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(394), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
+swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(396), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 
 """
     swb_mpcc_get_multipliers(mpcc, y, m, z, n) -> swb_status
@@ -7642,7 +7677,7 @@ Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_multipliers(mpcc, y, m, z, n) =
-    ccall(address(395), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
+    ccall(address(397), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
 
 """
     swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) -> swb_status
@@ -7657,7 +7692,7 @@ the pairs were added.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) =
-    ccall(address(396), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
+    ccall(address(398), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
         mpcc, g, h, nu, xi, n_pairs)
 
 """
@@ -7670,7 +7705,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
-    ccall(address(397), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(399), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
@@ -7682,7 +7717,7 @@ Work and time of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_stats(mpcc, stats, struct_size) =
-    ccall(address(398), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(400), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_set_int(mpcc, name, value) -> swb_status
@@ -7692,7 +7727,7 @@ Set an integer or enumeration option of a program (or a float one, to an integer
 @return as swb_settings_set_int
 """
 swb_mpcc_set_int(mpcc, name, value) =
-    ccall(address(399), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
+    ccall(address(401), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
 
 """
     swb_mpcc_set_double(mpcc, name, value) -> swb_status
@@ -7702,7 +7737,7 @@ Set a float option of a program by name.
 @return as swb_settings_set_double
 """
 swb_mpcc_set_double(mpcc, name, value) =
-    ccall(address(400), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
+    ccall(address(402), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
 
 """
     swb_mpcc_set_string(mpcc, name, value) -> swb_status
@@ -7712,7 +7747,7 @@ Set any option of a program by name from text: a number, or the value name of an
 @return as swb_settings_set_string
 """
 swb_mpcc_set_string(mpcc, name, value) =
-    ccall(address(401), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
+    ccall(address(403), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
 
 """
     swb_mpcc_set_settings(mpcc, settings) -> swb_status
@@ -7723,7 +7758,7 @@ Set all options of a program.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_mpcc_set_settings(mpcc, settings) =
-    ccall(address(402), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
+    ccall(address(404), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
 
 """
     swb_mpcc_get_settings(mpcc, settings, struct_size) -> swb_status
@@ -7735,7 +7770,7 @@ Options of a program, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_mpcc_get_settings(mpcc, settings, struct_size) =
-    ccall(address(403), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
+    ccall(address(405), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
 
 """
     swb_mpcc_set_iteration(mpcc, iteration, user_data) -> swb_status
@@ -7746,7 +7781,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_iteration(mpcc, iteration, user_data) =
-    ccall(address(404), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
+    ccall(address(406), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
 
 """
     swb_mpcc_set_log(mpcc, log, user_data) -> swb_status
@@ -7757,7 +7792,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_log(mpcc, log, user_data) =
-    ccall(address(405), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
+    ccall(address(407), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
 
 """
     swb_mpcc_interrupt(mpcc) -> swb_status
@@ -7769,14 +7804,14 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_mpcc_interrupt(mpcc) = ccall(address(406), swb_status, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_interrupt(mpcc) = ccall(address(408), swb_status, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_free(mpcc) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mpcc_free(mpcc) = ccall(address(407), Cvoid, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_free(mpcc) = ccall(address(409), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) -> swb_status
@@ -7796,7 +7831,7 @@ that were set since the solve are not used.
         not those of the functions; SWB_ERR_NONFINITE if a function has no value next to the parameters; SWB_ERR_USER
 """
 swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) =
-    ccall(address(408), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
+    ccall(address(410), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
         mpcc, x, n_x, objective, n_objective, sides, n_sides)
 
 """
@@ -7814,7 +7849,7 @@ differentiable, and one for each where it is not.
 @return as swb_mpcc_get_tangents; SWB_ERR_RANGE if a weight is not finite
 """
 swb_mpcc_vjp(mpcc, x, n_x, objective, p, n_p, sides, n_sides) =
-    ccall(address(409), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
+    ccall(address(411), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
         Int64), mpcc, x, n_x, objective, p, n_p, sides, n_sides)
 
 """
@@ -7822,21 +7857,21 @@ swb_mpcc_vjp(mpcc, x, n_x, objective, p, n_p, sides, n_sides) =
 
 Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Static.
 """
-swb_stationarity_name(stationarity) = ccall(address(410), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(412), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
 
 Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
-swb_doubt_name(doubt) = ccall(address(411), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(413), Cstring, (Int32,), doubt)
 
 """
     swb_second_order_name(second_order) -> Cstring
 
 Name of an enum swb_second_order, such as \"saddle\"; NULL for any other number. Static.
 """
-swb_second_order_name(second_order) = ccall(address(412), Cstring, (Int32,), second_order)
+swb_second_order_name(second_order) = ccall(address(414), Cstring, (Int32,), second_order)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -7849,7 +7884,7 @@ Name a variable, a constraint, a pair or a box: reports and messages of the log 
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(413), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(415), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -7862,7 +7897,7 @@ Name all variables, constraints, pairs or boxes.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(414), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(416), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -7876,7 +7911,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(415), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(417), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -7893,7 +7928,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(416), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(418), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -7917,7 +7952,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(417), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(419), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -7930,7 +7965,7 @@ Knowledge of the point of the last solve: type of stationarity, B-stationarity.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(418), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(420), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -7943,7 +7978,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(419), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(421), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -7955,7 +7990,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(420), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(422), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -7967,7 +8002,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(421), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(423), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -7979,6 +8014,6 @@ Report on the last solve for people: a table with the worst violations and what 
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(422), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(424), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

@@ -328,7 +328,9 @@ class Bench:
         other.set_control_guess(first.controls)
         agree(self.solution(other).cost, first.cost, 1e-3, "cost with the modes given")
         smooth = {"flow", "algebraic", "choice"}  # which have none
-        assert ocp.modes.modes.shape[1] > 0 or set(self.case.parts) <= smooth, "the modes given say nothing of what switches"
+        jumps = bool(ocp.modes.transitions) or not first.jumps  # an order without transitions says so
+        switches = ocp.modes.modes.shape[1] > 0 or set(self.case.parts) <= smooth | {"transition", "clock"}
+        assert jumps and switches, "the modes given say nothing of what switches"
 
     def feedback(self):
         c = self.case

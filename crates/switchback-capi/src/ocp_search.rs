@@ -8,7 +8,7 @@ use super::report::{outcome_number, polished_number};
 use super::status::swb_status;
 use switchback::error::{Error, Result};
 use switchback::memory::{self, sizes};
-use switchback::ocp::{ModeSequence, OcpResult, Round};
+use switchback::ocp::{ModeSequence, OcpResult, Round, TransitionAt};
 use switchback::session::listening;
 
 fn flags(values: &[i32]) -> Vec<bool> {
@@ -101,7 +101,73 @@ pub unsafe extern "C" fn swb_ocp_set_modes(
         let modes = flags(raw::slice(modes, n_modes, "modes")?);
         let cells = flags(raw::slice(cells, n_cells, "cells")?);
         let given = !times.is_empty();
-        change(ocp, |o| o.set_modes(given.then_some(ModeSequence { times, modes, cells })))
+        let transitions = Vec::new();
+        change(ocp, |o| o.set_modes(given.then_some(ModeSequence { times, modes, cells, transitions })))
+    })
+}
+
+/// Transitions of the last solution as a part of its mode sequence: see swb_ocp_set_mode_transitions.
+///
+/// @param[out] t          [n] swb_ocp_jump_count, times from the start of the horizon
+/// @param[out] transition [n] which ones, in the order they were added to the system
+/// @param[out] stage      [n] the control stages they are made in
+/// @param[out] at_once    [n] 1 where the guard does not pass zero: it is beyond zero where its discrete state begins, or where the
+///                        control changes
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_mode_transitions(
+    ocp: *const swb_ocp,
+    t: *mut f64,
+    transition: *mut i64,
+    stage: *mut i64,
+    at_once: *mut i32,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(ocp, |o| {
+            let all = o.result()?.modes().transitions;
+            raw::check_slice(transition, n, all.len(), "transition")?;
+            raw::check_slice(stage, n, all.len(), "stage")?;
+            raw::check_slice(at_once, n, all.len(), "at_once")?;
+            raw::write_slice(t, n, &all.iter().map(|a| a.t).collect::<Vec<_>>(), "t")?;
+            raw::write_slice(transition, n, &all.iter().map(|a| a.transition as i64).collect::<Vec<_>>(), "transition")?;
+            raw::write_slice(stage, n, &all.iter().map(|a| a.stage as i64).collect::<Vec<_>>(), "stage")?;
+            raw::write_slice(at_once, n, &numbers(&all.iter().map(|a| a.at_once).collect::<Vec<_>>()), "at_once")
+        })
+    })
+}
+
+/// Give the transitions of the mode sequence, which swb_ocp_set_modes was given before: the next solves make these, in these control
+/// stages, and no others, unless that has no solution. Without this call after swb_ocp_set_modes none is made.
+///
+/// @param[in] t          [n] times from the start of the horizon, to start from
+/// @param[in] transition [n] which ones, in the order they were added to the system
+/// @param[in] stage      [n] the control stages they are made in, not falling
+/// @param[in] at_once    [n] not 0 where the guard is beyond zero without passing it
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE if no modes are given; SWB_ERR_RANGE for transitions or stages that do not exist, or
+///         stages that fall
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_mode_transitions(
+    ocp: *mut swb_ocp,
+    t: *const f64,
+    transition: *const i64,
+    stage: *const i64,
+    at_once: *const i32,
+    n: i64,
+) -> swb_status {
+    setting(ocp, || unsafe {
+        let t = raw::slice(t, n, "t")?;
+        let (which, stage) = (raw::slice(transition, n, "transition")?, raw::slice(stage, n, "stage")?);
+        let at_once = flags(raw::slice(at_once, n, "at_once")?);
+        let mut all = Vec::with_capacity(t.len());
+        for (k, &t) in t.iter().enumerate() {
+            let (transition, stage) = (sizes::size(which[k], "transition")?, sizes::size(stage[k], "stage")?);
+            all.push(TransitionAt { t, transition, stage, at_once: at_once[k] });
+        }
+        change(ocp, |o| {
+            let given = o.modes().ok_or_else(|| Error::State("no modes are given: call swb_ocp_set_modes first".into()))?;
+            o.set_modes(Some(ModeSequence { transitions: all, ..given.clone() }))
+        })
     })
 }
 

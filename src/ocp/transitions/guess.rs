@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::event::{self, Engine};
 use crate::func::Point;
 use crate::nlp::middles;
-use crate::ocp::{Ocp, OcpResult};
+use crate::ocp::{ModeSequence, Ocp, OcpResult};
 use crate::system::Transition;
 
 /// Tolerance of simulations, and their steps at most.
@@ -33,6 +33,8 @@ pub(super) struct Guess {
     /// Times of the transitions.
     pub passages: Vec<f64>,
     pub params: Vec<f64>,
+    /// Modes between the transitions, where they are given.
+    pub modes: Option<ModeSequence>,
 }
 
 impl Guess {
@@ -86,6 +88,26 @@ impl Guess {
         (times, states)
     }
 
+    /// The guess for the sequence of `given`, which is complete: its times and modes, and the states that were given, where they were.
+    pub fn for_modes(mut self, ocp: &Ocp, sequence: &[Passage], given: &ModeSequence) -> Guess {
+        if let Some((times, states)) = &ocp.x_guess {
+            (self.times, self.states) = (times.clone(), states.clone());
+        }
+        let mut last = 0f64;
+        let mut known = given.transitions.iter().peekable();
+        let time = |p: &Passage| {
+            // what follows of itself may be left out
+            if let Some(t) = known.next_if(|t| t.transition == p.transition) {
+                let (from, to) = self.stage(p.stage);
+                last = if p.at_once { from } else { t.t }.clamp(from, to).max(last);
+            }
+            last
+        };
+        self.passages = sequence.iter().map(time).collect();
+        self.modes = (!given.cells.is_empty() || !given.modes.is_empty()).then(|| given.clone());
+        self
+    }
+
     /// The guess for another sequence: its transitions within their stages, where those that were there already stay.
     pub fn for_sequence(&self, old: &[Passage], new: &[Passage]) -> Guess {
         let mut used = vec![false; old.len()];
@@ -111,7 +133,7 @@ impl Guess {
             let before = passages.last().copied().unwrap_or(0.0);
             passages.push(if p.at_once { t.max(before) } else { t.max(before + 0.1 * margin).min(to) });
         }
-        Guess { passages, controls, ..self.clone() }
+        Guess { passages, controls, modes: None, ..self.clone() }
     }
 
     /// That of an answer of the problem, which may have begun at another time.
@@ -136,6 +158,7 @@ impl Guess {
             ends: ends.collect(),
             passages: r.jumps.iter().map(|j| j.t - t0).collect(),
             params: r.params.clone(),
+            modes: None,
         }
     }
 }
@@ -181,6 +204,7 @@ pub(super) fn simulate(
         ends: Vec::new(),
         passages: Vec::new(),
         params: ocp.params.clone(),
+        modes: None,
     };
     let mut start = 0.0;
     'run: for (k, &length) in ocp.durations.iter().enumerate() {

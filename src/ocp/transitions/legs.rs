@@ -5,7 +5,6 @@ use super::guess::Guess;
 use crate::error::{Error, Result};
 use crate::fesd::{Durations, Element, PathAt, PathConstraint, Place, RowMeaning, Terminal};
 use crate::func::Function;
-use crate::nlp::Bounds;
 use crate::ocp::solve::Built;
 use crate::ocp::{CostAt, Ocp};
 use crate::settings::RkFamily;
@@ -45,13 +44,6 @@ pub(super) fn knows_time(f: &dyn Function) -> bool {
 
 /// What the statement may not have where there are transitions.
 pub(super) fn check(ocp: &Ocp) -> Result<()> {
-    let unsupported = |what: &str| Err(Error::Unsupported(format!("optimal control with transitions: {what}")));
-    if ocp.modes.is_some() {
-        return unsupported("mode sequences that are given");
-    }
-    if ocp.settings.adapt_tol > 0.0 {
-        return unsupported("grids that are adapted; set adapt_tol to 0");
-    }
     for s in ocp.system.discrete_states() {
         let (l, u) = (ocp.x0_bounds[0][s], ocp.x0_bounds[1][s]);
         if l != u {
@@ -127,6 +119,7 @@ impl Leg {
             o.soft.iter_mut().filter(|s| !s.by_stage()).for_each(|s| s.weight = 0.0);
             o.transitions.goes_on = true;
         }
+        o.modes = guess.modes.as_ref().map(|m| m.within(span[0], span[1].min(guess.horizon())));
         let mut leg = Leg { ocp: o, first, values, begins, ends, guards: Vec::new() };
         leg.bound_discrete(whole, automaton);
         leg.watch(automaton)?;
@@ -209,9 +202,10 @@ impl Leg {
         self.ends.is_some_and(|p| p.at_once)
     }
 
-    /// Leaves out rows that say again what others say: the guard of the transition that is made where it passes zero, what
+    /// Rows that say again what others say: the guard of the transition that is made where it passes zero, what
     /// the leg before ends with, and constraints at the control grid where a transition cuts a stage.
-    pub fn free_rows(&self, b: &Built, before: Option<&Leg>, automaton: &Automaton, bounds: &mut Bounds) {
+    pub fn rows_again(&self, b: &Built, before: Option<&Leg>, automaton: &Automaton) -> Vec<usize> {
+        let mut rows = Vec::new();
         let n_user = self.ocp.path.len() - self.guards.len();
         let n_s = b.problem.tableau().n_s;
         let (last, last_element) = (self.ocp.n_stages - 1, b.n_fe()[self.ocp.n_stages - 1] - 1);
@@ -234,9 +228,10 @@ impl Leg {
                 None => at_start && continues,
             };
             if again || (self.ends_at_once() && stage == last) {
-                (bounds.cl[row], bounds.cu[row]) = (-INF, INF);
+                rows.push(row);
             }
         }
+        rows
     }
 }
 

@@ -8,6 +8,7 @@
 //! [`space`] says this to the [search](crate::search).
 
 mod automaton;
+mod derivatives;
 mod guess;
 mod legs;
 mod program;
@@ -18,16 +19,17 @@ pub(super) use guess::controls as extremes;
 use std::time::Instant;
 
 use self::automaton::{Automaton, Sequence};
+use self::derivatives::Kept;
 use self::space::{Ended, Transitions};
 use super::accuracy::{self, Accuracy, Answer, Replay};
 use super::between::Rows;
 use super::optimality::{Kink, Optimality, OTHER};
 use super::request::{Comparison, Request};
 use super::solve::Start;
-use super::{Durations, Ocp, OcpResult};
+use super::{Durations, Ocp, OcpResult, TransitionAt};
 use crate::error::{Error, Result};
 use crate::nlp::{Control, Outcome, SecondOrder};
-use crate::search::{self, explore, Budget, Plan, Source};
+use crate::search::{self, explore, Budget, Limits, Plan, Source, Space};
 use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
 use crate::stop;
@@ -59,12 +61,14 @@ pub struct JumpMade {
 pub(super) struct State {
     /// It is a part of a problem, before a transition: its last stage goes on in the next part.
     pub goes_on: bool,
+    /// The program of the last answer, and the problem as it was then.
+    pub last: Option<(Box<Ocp>, Box<Kept>)>,
 }
 
 impl State {
     /// The same without answers.
     pub fn blank(&self) -> State {
-        State { goes_on: self.goes_on }
+        State { goes_on: self.goes_on, last: None }
     }
 }
 
@@ -72,6 +76,16 @@ impl Ocp {
     /// Does the system have transitions?
     pub(super) fn has_transitions(&self) -> bool {
         !self.system.transitions().is_empty()
+    }
+
+    /// Can these transitions be part of a sequence of modes?
+    pub(super) fn check_sequence(&self, given: &[TransitionAt]) -> Result<()> {
+        let n = self.system.transitions().len();
+        let Some(t) = given.iter().find(|t| t.transition >= n || t.stage >= self.n_stages) else { return Ok(()) };
+        Err(Error::Range(format!(
+            "transition {} in stage {} of the given modes: the system has {n} transitions, the problem {} stages",
+            t.transition, t.stage, self.n_stages
+        )))
     }
 
     /// Is there nothing to choose? Then the simulation is the answer.
@@ -89,11 +103,12 @@ impl Ocp {
     ) -> Result<&OcpResult> {
         let clock = Instant::now();
         legs::check(self)?;
-        let last = if start == Start::Warm { self.result.take() } else { None };
+        self.transitions.last = None;
+        let last = if matches!(start, Start::Warm | Start::Carried) { self.result.take() } else { None };
         let mut budget = Budget::new(f64::INFINITY);
         let (found, automaton) = self.search_transitions(last.as_ref(), request, &mut budget, control)?;
         let (tried, ended, settled) = (found.tried, found.ended, found.settled);
-        let Some((Ended { mut result, sequence, .. }, _)) = found.all.into_iter().next() else {
+        let Some((Ended { mut result, sequence, kept, .. }, _)) = found.all.into_iter().next() else {
             return Err(stop::requested().map_or_else(
                 || {
                     Error::Numeric(
@@ -134,6 +149,9 @@ impl Ocp {
             result.optimality = Some(self.certify_transitions(&result, &automaton, settled));
         }
         result.stats.time_total = clock.elapsed().as_secs_f64();
+        if result.has_exact_modes() {
+            self.transitions.last = Some((Box::new(self.blank()), kept));
+        }
         Ok(self.result.insert(result))
     }
 
@@ -153,6 +171,22 @@ impl Ocp {
             least_tried: request.search,
             any: self.is_determined(),
         };
+        if let (None, Some(modes)) = (last, &self.modes) {
+            let given = space.given(modes, budget)?;
+            let found = match request.search {
+                0 => {
+                    let unlimited = Limits { cost: f64::INFINITY, patience: usize::MAX };
+                    search::Found::of_one(space.solve(&given, unlimited, budget, control)?)
+                }
+                _ => {
+                    space.first = Some(given);
+                    explore(&mut space, &plan(&[Source::Guess], 0.0), Vec::new(), budget, control)?
+                }
+            };
+            if found.all.first().is_some_and(|f| f.0.result.is_exact()) || stop::requested().is_some() {
+                return Ok((found, space.automaton));
+            }
+        }
         if last.is_some() {
             // an answer that is known to be good is improved, and that is all
             let found = explore(&mut space, &plan(&[Source::Guess], 0.0), Vec::new(), budget, control)?;
@@ -261,7 +295,15 @@ impl Ocp {
             x_bounds: [&self.x_bounds[0], &self.x_bounds[1]],
         };
         let mut engine = Replay::new(&e.system, None, e.lagrange.as_ref(), &answer, options)?;
-        match accuracy::measure(&mut engine, &answer) {
+        let measured = accuracy::measure(&mut engine, &answer).and_then(|mut found| {
+            if c.by_stage {
+                let each = answer.by_stage();
+                let stages = each.iter().map(|a| accuracy::measure(&mut engine, a)).collect::<Result<Vec<Accuracy>>>()?;
+                found.take_stages(&stages);
+            }
+            Ok(found)
+        });
+        match measured {
             Err(Error::Interrupted) => Ok(Accuracy::stopped(self.n_stages, nx, stop::Why::Interrupted)),
             Err(Error::OutOfTime) => Ok(Accuracy::stopped(self.n_stages, nx, stop::Why::OutOfTime)),
             r => r,
@@ -277,7 +319,6 @@ mod tests {
     use super::*;
     use crate::func::{Callback, Dims};
     use crate::linalg::csc::Pattern;
-    use crate::search::{Limits, Space};
     use crate::settings::Settings;
     use crate::system::combination;
     use crate::system::{Direction, Rule, SharedFunction, System, Transition};

@@ -5,11 +5,12 @@ use super::automaton::{Automaton, Passage};
 use super::guess::Guess;
 use super::legs::{knows_time, Leg};
 use crate::error::{Error, Result};
-use crate::fesd::{Durations, Sizes};
+use crate::fesd::{Durations, Exit, Sizes};
 use crate::func::Dims;
-use crate::mpcc::{MpccSolver, Solution};
+use crate::mpcc::{MpccSolver, Side, Solution};
 use crate::nlp::{Bounds, Control, Outcome};
 use crate::ocp::extend::Slacks;
+use crate::ocp::guess::interpolate;
 use crate::ocp::joint::{self, Coupling, Plan, Source};
 use crate::ocp::request::Request;
 use crate::ocp::solve::{Built, Start};
@@ -19,14 +20,28 @@ use crate::system::combination;
 
 /// The program, built.
 pub(super) struct Program<'a> {
-    whole: &'a Ocp,
-    automaton: &'a Automaton,
-    legs: Vec<Leg>,
-    built: Vec<Box<Built>>,
+    pub whole: &'a Ocp,
+    pub automaton: &'a Automaton,
+    pub legs: Vec<Leg>,
+    pub built: Vec<Box<Built>>,
     /// First variables of the legs.
-    first: Vec<usize>,
+    pub first: Vec<usize>,
     /// Parameters of every stage of every leg, references and slacks included.
-    params: Vec<Vec<f64>>,
+    pub params: Vec<Vec<f64>>,
+}
+
+/// The legs as one program, and its solver.
+pub(super) struct Assembled {
+    pub plan: Plan,
+    pub solver: MpccSolver,
+    pub bounds: Bounds,
+}
+
+/// What a program ended at: in the user's terms, as a point of the program, and what ends sliding modes in every leg there.
+pub(super) struct Solved {
+    pub result: OcpResult,
+    pub solution: Solution,
+    pub exits: Vec<Exit>,
 }
 
 impl<'a> Program<'a> {
@@ -50,7 +65,8 @@ impl<'a> Program<'a> {
             let mut b = leg.ocp.built.take().ok_or_else(|| Error::Internal("a leg was not built".into()))?;
             params.push(leg.ocp.prepare(&mut b)?);
             b.set_sizes(sizes);
-            b.identifier.restart(true, request.search);
+            // the modes that are given are not to be left
+            b.identifier.restart(leg.ocp.modes.is_none() || request.search > 0, request.search);
             b.problem.forget_trouble();
             let exit = b.problem.usual_exit();
             b.problem.set_exit(exit);
@@ -60,31 +76,61 @@ impl<'a> Program<'a> {
         Ok(Program { whole, automaton, legs, built, first, params })
     }
 
-    /// Solves it from the guess its legs carry.
-    pub fn solve(mut self, request: &Request, control: &mut Control) -> Result<OcpResult> {
-        let mut couplings = Vec::new();
-        for j in 1..self.legs.len() {
-            couplings.extend(self.ties(j));
-        }
-        couplings.extend(self.lengths_of_stages());
-        couplings.extend(self.ends());
-        let mut plan = Plan::coupled(&self.built, couplings);
-        let solver = {
-            let parts = self.built.iter_mut().map(|b| &mut b.problem).collect();
-            let mut all = joint::Program { parts, plan: &mut plan };
-            MpccSolver::new(&mut all, request.options.solver)
-        };
-        let mut solver = solver?;
+    /// What ties the legs together; constraints between both ends are the last ones.
+    pub fn couplings(&self) -> Vec<Coupling> {
+        let ties = (1..self.legs.len()).flat_map(|j| self.ties(j));
+        ties.chain(self.lengths_of_stages()).chain(self.ends()).collect()
+    }
+
+    /// The legs as one program with a solver.
+    pub fn assemble(&mut self, request: &Request) -> Result<Assembled> {
+        let mut plan = Plan::coupled(&self.built, self.couplings());
+        let solver = MpccSolver::new(&mut self.joint(&mut plan), request.options.solver)?;
         let bounds = self.bounds(&plan);
+        Ok(Assembled { plan, solver, bounds })
+    }
+
+    /// The legs as one program.
+    pub fn joint<'b>(&'b mut self, plan: &'b mut Plan) -> joint::Program<'b> {
+        joint::Program { parts: self.built.iter_mut().map(|b| &mut b.problem).collect(), plan }
+    }
+
+    /// Solves it from the guess its legs carry.
+    pub fn solve(mut self, request: &Request, control: &mut Control) -> Result<Solved> {
+        let Assembled { mut plan, mut solver, bounds } = self.assemble(request)?;
         let mut start = Vec::with_capacity(plan.n());
         for (k, leg) in self.legs.iter().enumerate() {
             let b = &mut self.built[k];
             let options = &request.options;
             start.extend(leg.ocp.starting_point(&mut b.problem, &b.extended, &self.params[k], options, control)?.0);
         }
-        joint::solve(&mut plan, &mut solver, &mut self.built, &bounds, &start, control);
+        let sides = self.given_sides(&plan, &mut start);
+        let begin = joint::Begin { at: &start, sides: sides.as_deref() };
+        joint::solve(&mut plan, &mut solver, &mut self.built, &bounds, begin, control);
         let dimensions = (plan.n(), plan.m, plan.pairs.len());
-        self.read(&plan, solver.solution(), dimensions)
+        let solution = solver.solution().clone();
+        let exits = self.built.iter().map(|b| b.problem.exit()).collect();
+        Ok(Solved { result: self.read(&plan, &solution, dimensions)?, solution, exits })
+    }
+
+    /// Sides of the modes that are given, where they are and fit the grid; the start is made to fit them.
+    fn given_sides(&mut self, plan: &Plan, start: &mut [f64]) -> Option<Vec<Side>> {
+        let mut all = Vec::new();
+        for (k, leg) in self.legs.iter().enumerate() {
+            let (b, modes) = (&mut self.built[k], leg.ocp.modes.as_ref()?);
+            let own = &mut start[plan.variables[k]..plan.variables[k + 1]];
+            let members: Vec<Side> = b.problem.member_sides(own).collect();
+            let n_fe = b.n_fe().to_vec();
+            let p = &mut b.problem;
+            if p.detects_switches() {
+                let (sides, lengths) = modes.on_grid(p.spec().dcs.form(), &leg.ocp.durations, &n_fe).ok()?;
+                let (times, states) = leg.ocp.x_guess.as_ref()?;
+                p.guess_active_set(own, leg.ocp.t0, &lengths, &sides, |t, x| interpolate(times, states, t, x));
+                all.extend(sides);
+            }
+            all.extend(members);
+        }
+        Some(all)
     }
 
     /// The inputs `(u, p, t)` of functions at the end of leg `k`.
@@ -159,6 +205,12 @@ impl<'a> Program<'a> {
         let of = o.soft.iter().zip(&b.extended.slacks).filter(|(s, _)| s.at.is_some());
         let params = of.flat_map(|(_, at)| if let Slacks::Params(r) = at { r.clone() } else { 0..0 });
         params.filter_map(|j| b.problem.param_places()[j]).map(|v| self.first[k] + v).collect()
+    }
+
+    /// The leg in which a stage begins, and the number of that stage there.
+    pub fn begins(&self, stage: usize) -> (usize, usize) {
+        let k = self.legs.iter().position(|l| stage < l.first + l.ocp.n_stages).unwrap_or(0);
+        (k, stage - self.legs[k].first)
     }
 
     /// Does leg `j` begin within the last stage of the one before?
@@ -236,9 +288,9 @@ impl<'a> Program<'a> {
         let free = |all: &mut Bounds, v: usize| (all.xl[v], all.xu[v]) = (f64::NEG_INFINITY, f64::INFINITY);
         for (k, leg) in self.legs.iter().enumerate() {
             let b = &self.built[k];
-            let mut own = plan.take(k, &all);
-            leg.free_rows(b, k.checked_sub(1).map(|i| &self.legs[i]), self.automaton, &mut own);
-            plan.put(k, &own, &mut all);
+            for row in leg.rows_again(b, k.checked_sub(1).map(|i| &self.legs[i]), self.automaton) {
+                (all.cl[plan.rows[k] + row], all.cu[plan.rows[k] + row]) = (f64::NEG_INFINITY, f64::INFINITY);
+            }
             if k == 0 {
                 continue;
             }

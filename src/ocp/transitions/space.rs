@@ -3,16 +3,17 @@
 use std::rc::Rc;
 
 use super::automaton::{Automaton, Passage, Sequence};
+use super::derivatives::Kept;
 use super::guess::{self, Guess};
-use super::program::Program;
-use crate::error::Result;
+use super::program::{Program, Solved};
+use crate::error::{Error, Result};
 use crate::event::Engine;
 use crate::fesd::{Sizes, Terminal};
 use crate::func::Point;
 use crate::jumps::spread::misses;
 use crate::nlp::{Control, Outcome};
 use crate::ocp::request::Request;
-use crate::ocp::{JumpMade, Ocp, OcpResult};
+use crate::ocp::{JumpMade, ModeSequence, Ocp, OcpResult, TransitionAt};
 use crate::search::{
     self, watched, Budget, EarlyTermination, Limits, Neighbour, Patience, Rank, Sampler, Source, Space,
 };
@@ -27,6 +28,8 @@ const WIDER: f64 = 2.0;
 pub(super) struct Ended {
     pub sequence: Sequence,
     pub result: OcpResult,
+    /// The program and where it ended.
+    pub kept: Box<Kept>,
     /// Largest modulus of the cost on the way to it.
     largest: f64,
 }
@@ -42,6 +45,8 @@ pub(super) struct Transitions<'a> {
     engine: Engine,
     /// An answer of before.
     last: Option<&'a OcpResult>,
+    /// What it begins with, where that is given.
+    pub first: Option<Candidate>,
     /// Controls that are simulated without a search, and how many were.
     controls: Vec<Vec<f64>>,
     simulated: usize,
@@ -62,6 +67,7 @@ impl<'a> Transitions<'a> {
             sampler: Sampler::new(seed),
             largest: 0.0,
             last,
+            first: None,
             ocp,
         })
     }
@@ -74,11 +80,31 @@ impl<'a> Transitions<'a> {
 
     /// The sequence of an answer of before, from its motion.
     fn of_last(&mut self) -> Vec<Candidate> {
+        if let Some(given) = self.first.take() {
+            return vec![given];
+        }
         let Some(r) = self.last.take().filter(|r| r.outcome == Outcome::Solved) else { return Vec::new() };
         let passage = |j: &JumpMade| Passage { transition: j.transition, stage: j.stage, at_once: j.at_once };
         let mut start = r.clone();
         self.ocp.restate(&mut start);
         vec![Candidate::new(r.jumps.iter().map(passage).collect(), Rc::new(Guess::of(&start)))]
+    }
+
+    /// The sequence that is given, with the simulation of the guess, and its modes between the transitions.
+    pub fn given(&mut self, modes: &ModeSequence, budget: &mut Budget) -> Result<Candidate> {
+        let passage = |t: &TransitionAt| Passage { transition: t.transition, stage: t.stage, at_once: t.at_once };
+        let sequence: Sequence = modes.transitions.iter().map(passage).collect();
+        let sequence = self.automaton.complete(&sequence).ok_or_else(|| {
+            Error::Range(format!(
+                "the transitions of the given modes cannot follow each other: {}",
+                self.automaton.text(&sequence)
+            ))
+        })?;
+        let motion = match self.controls.first().cloned() {
+            Some(controls) => self.simulate(&controls, budget)?.1,
+            None => return Err(Error::Internal("no controls to simulate".into())),
+        };
+        Ok(Candidate::new(sequence.clone(), Rc::new(motion.for_modes(self.ocp, &sequence, modes))))
     }
 
     /// Sequences of simulations of random controls with their motions, none of them twice, those first whose end comes closest to its conditions.
@@ -164,10 +190,20 @@ impl Space for Transitions<'_> {
         let program = Program::new(self.ocp, &self.automaton, &c.sequence, &c.motion, &self.sizes, &self.request)?;
         let mut watch =
             EarlyTermination::new(limits.cost, Patience::usual(limits.patience), self.request.options.solver.tol);
-        let result = watched(&mut watch, control, |control| program.solve(&self.request, control))?.given_up(&watch);
+        let Solved { result, solution, exits } =
+            watched(&mut watch, control, |control| program.solve(&self.request, control))?;
+        let result = result.given_up(&watch);
         budget.solved(result.dimensions.0, &result.stats);
         self.largest = self.largest.max(watch.largest);
-        let ended = Ended { sequence: c.sequence.clone(), result, largest: watch.largest };
+        let kept = Box::new(Kept {
+            sequence: c.sequence.clone(),
+            guess: (*c.motion).clone(),
+            sizes: self.sizes.clone(),
+            request: self.request,
+            solution,
+            exits,
+        });
+        let ended = Ended { sequence: c.sequence.clone(), result, kept, largest: watch.largest };
         Ok(vec![(c.sequence.clone(), ended)])
     }
 

@@ -120,7 +120,7 @@ from .mpcc import (
     variable,
 )
 from .multiphase import MultiPhase, MultiPhaseResult
-from ._ocp_search import Modes
+from ._ocp_search import Modes, ModeTransition
 from .mhe import Mhe
 from .nmpc import ClosedLoop, Nmpc, closed_loop
 from .ocp import Kink, Multipliers, Ocp, OcpJump, OcpMultipliers, OcpResult, OcpSensitivity, Optimality, UnsetWarning
@@ -185,6 +185,7 @@ __all__ = [
     "Mhe",
     "Model",
     "Modes",
+    "ModeTransition",
     "Mpcc",
     "Motion",
     "MpccResult",

@@ -1504,6 +1504,8 @@ FUNCTIONS = {
     "swb_ocp_mode_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_ocp_get_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_ocp_set_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_get_mode_transitions": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64]),
+    "swb_ocp_set_mode_transitions": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64]),
     "swb_ocp_random_starts": (c_int32, [c_void_p, c_uint64, c_void_p, c_int64]),
     "swb_ocp_solve_starts": (c_int32, [c_void_p, c_void_p, c_int64, c_int64, c_void_p]),
     "swb_ocp_get_start": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_void_p, c_int64]),

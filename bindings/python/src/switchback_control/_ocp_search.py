@@ -17,14 +17,52 @@ from .results import outcome_of, polished_of
 
 
 @dataclass(frozen=True)
+class ModeTransition:
+    """A transition of a mode sequence: time from the start of the horizon, its number in the order the model has them, the control
+    stage it is made in. `at_once`: its guard does not pass zero, it is beyond zero where its discrete state begins or where the control
+    changes."""
+
+    t: float
+    transition: int
+    stage: int
+    at_once: bool = False
+
+
+@dataclass(frozen=True, eq=False)
 class Modes:
     """The active modes phase by phase: a row for each phase, which begin at `times` from the start of the horizon. Several
     modes of a subsystem are active while it slides. `cells` are the sign patterns the modes consist of; None where the
-    modes say all."""
+    modes say all. `transitions` are the transitions that are made, of models that have some, in the order of time."""
 
     times: Array
     modes: Any
     cells: Any = None
+    transitions: tuple[ModeTransition, ...] = ()
+
+    def __eq__(self, other: object) -> bool:
+        """The same phases, times and transitions."""
+        if not isinstance(other, Modes):
+            return NotImplemented
+
+        def same(a: Any, b: Any) -> bool:
+            return a is b if a is None or b is None else numpy.array_equal(a, b)
+
+        parts = ((self.times, other.times), (self.modes, other.modes), (self.cells, other.cells))
+        return all(same(a, b) for a, b in parts) and tuple(self.transitions) == tuple(other.transitions)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __str__(self) -> str:
+        """Phases and transitions, a line for each."""
+        lines: list[tuple[float, int, str]] = []
+        rows = numpy.asarray(self.modes).reshape(len(self.times), -1)
+        for t, row in zip(self.times, rows):
+            text = "".join("1" if active else "0" for active in row)
+            if text and (not lines or lines[-1][2] != f"modes {text}"):
+                lines.append((float(t), 1, f"modes {text}"))
+        for a in self.transitions:
+            lines.append((a.t, 0, f"transition {a.transition} in stage {a.stage}" + (" at once" if a.at_once else "")))
+        return "\n".join(f"{t:14.8g}  {text}" for t, _, text in sorted(lines, key=lambda e: e[:2])) or "no modes and no transitions"
 
 
 @dataclass(frozen=True)
@@ -75,7 +113,7 @@ class OcpSearch(Solver):
 
     @property
     def modes(self) -> Modes:
-        """Mode sequence of the last solution: a phase for every finite element that has a length."""
+        """Mode sequence of the last solution: a phase for every finite element that has a length, and its transitions."""
         sizes = [ctypes.c_int64() for _ in range(3)]
         self._do("mode_sizes", *map(ctypes.byref, sizes))
         n, n_modes, n_cells = (s.value for s in sizes)
@@ -83,12 +121,25 @@ class OcpSearch(Solver):
         modes = numpy.empty((n, n_modes), dtype=numpy.int32)
         cells = numpy.empty((n, n_cells), dtype=numpy.int32)
         self._do("get_modes", address(times), n, address(modes), modes.size, address(cells), cells.size)
-        return Modes(times, modes.astype(bool), cells.astype(bool))
+        return Modes(times, modes.astype(bool), cells.astype(bool), self._mode_transitions())
+
+    def _mode_transitions(self) -> tuple[ModeTransition, ...]:
+        count = ctypes.c_int64()
+        self._do("jump_count", ctypes.byref(count))
+        n = count.value
+        if n == 0:
+            return ()
+        times, which, stages = numpy.empty(n), numpy.empty(n, dtype=numpy.int64), numpy.empty(n, dtype=numpy.int64)
+        at_once = numpy.empty(n, dtype=numpy.int32)
+        self._do("get_mode_transitions", address(times), address(which), address(stages), address(at_once), n)
+        rows = zip(times.tolist(), which.tolist(), stages.tolist(), at_once.tolist())
+        return tuple(ModeTransition(t, k, stage, bool(now)) for t, k, stage, now in rows)
 
     def set_modes(self, modes: Modes | None) -> None:
         """Give the order of modes: the next solves start with it, from the guesses of states and controls, and follow the
         homotopy only where it has no solution; None forgets it. Orders next to it are tried within the budget of the
-        option mode_search only."""
+        option mode_search only. Of a model with transitions those of the sequence are made, in these control stages, and no others,
+        unless that has no solution."""
         if modes is None:
             self._do("set_modes", None, 0, None, 0, None, 0)
             return
@@ -109,7 +160,21 @@ class OcpSearch(Solver):
 
         active = flags(modes.modes, "modes")
         cells = numpy.empty(0, dtype=numpy.int32) if modes.cells is None else flags(modes.cells, "cells")
+        given = list(modes.transitions)
+        n = len(given)
+        at = real([a.t for a in given], "times of the transitions")
+        which = numpy.array([index(a.transition, "transition") for a in given], dtype=numpy.int64)
+        stages = numpy.array([index(a.stage, "stage") for a in given], dtype=numpy.int64)
+        at_once = numpy.array([bool(a.at_once) for a in given], dtype=numpy.int32)
         self._do("set_modes", address(times), times.size, address(active), active.size, address(cells), cells.size)
+        if n == 0:
+            return
+        try:
+            self._do("set_mode_transitions", address(at), address(which), address(stages), address(at_once), n)
+        except SwitchbackError:
+            # half of a sequence says something else
+            self.set_modes(None)
+            raise
 
     def random_starts(self, n: int, seed: int = 0) -> Array:
         """Controls to start from, of the shape (n, n_stages, nu): the guess a solve starts from, then random ones within the
