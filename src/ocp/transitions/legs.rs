@@ -202,6 +202,12 @@ impl Leg {
         self.ends.is_some_and(|p| p.at_once)
     }
 
+    /// Where a constraint along the path holds, relaxed ones behind the others.
+    fn place_of(&self, k: usize) -> Option<PathAt> {
+        let relaxed = self.ocp.soft.iter().filter_map(|s| s.at);
+        self.ocp.path.iter().map(|p| p.at).chain(relaxed).nth(k)
+    }
+
     /// Rows that say again what others say: the guard of the transition that is made where it passes zero, what
     /// the leg before ends with, and constraints at the control grid where a transition cuts a stage.
     pub fn rows_again(&self, b: &Built, before: Option<&Leg>, automaton: &Automaton) -> Vec<usize> {
@@ -215,7 +221,7 @@ impl Leg {
             let at_start = stage == 0 && element.is_none();
             let at_end = stage == last && element == Some(last_element) && point.is_none_or(|i| i + 1 == n_s);
             let guard = k.checked_sub(n_user).and_then(|k| self.guards.get(k)).copied();
-            let of_grid = self.ocp.path.get(k).is_some_and(|p| k < n_user && p.at == PathAt::ControlGrid);
+            let of_grid = guard.is_none() && self.place_of(k) == Some(PathAt::ControlGrid);
             let again = match guard {
                 Some(t) => {
                     let made = |p: Option<Passage>| p.is_some_and(|p| p.transition == t);

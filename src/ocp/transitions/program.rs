@@ -190,7 +190,8 @@ impl<'a> Program<'a> {
             let (u, v) = (a.places().1, b.places().1);
             let u = self.first[j - 1] + u[u.len() - 1];
             let v = self.first[j] + v[0];
-            equal.extend((0..d.u).map(|i| (u + i, v + i)));
+            // slacks of the stage too: it has one price
+            equal.extend((0..self.built[j].extended.system.dims().u).map(|i| (u + i, v + i)));
         }
         if !equal.is_empty() {
             let rows = equal.iter().map(|&(v, w)| vec![(v, -1.0), (w, 1.0)]).collect();
@@ -298,7 +299,8 @@ impl<'a> Program<'a> {
             params.chain(self.common_slacks(k)).for_each(|v| free(&mut all, v));
             if self.shares_stage(k) {
                 let u = self.first[k] + b.problem.places().1[0];
-                (0..d.u).filter(|&j| !self.whole.linear[j]).for_each(|j| free(&mut all, u + j));
+                let is_ramp = |j: &usize| self.whole.linear.get(*j) == Some(&true);
+                (0..b.extended.system.dims().u).filter(|j| !is_ramp(j)).for_each(|j| free(&mut all, u + j));
             }
         }
         for (k, pieces) in self.pieces().iter().enumerate() {
