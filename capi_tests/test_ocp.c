@@ -772,9 +772,9 @@ static void transitions(void)
     swb_system *system = NULL;
     swb_ocp *ocp = NULL;
     swb_ocp_jump jumps[2];
-    double before[2], after[2];
-    int64_t n = -1;
-    int32_t outcome = -1;
+    double before[2], after[2], t = 0.0, cost = 0.0, again = 0.0;
+    int64_t n = -1, which = -1, stage = -1;
+    int32_t outcome = -1, at_once = -1;
 
     CHECK_OK(swb_system_create(2, 1, 0, &system));
     CHECK_OK(swb_system_set_f0(system, f));
@@ -800,6 +800,19 @@ static void transitions(void)
     CHECK_OK(swb_ocp_jump_states(ocp, 0, before, after, 2));
     CHECK_NEAR(before[0], 1.0, 1e-8);
     CHECK(before[1] == 0.0 && after[1] == 1.0 && fabs(after[0] - before[0]) < 1e-12);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_get_mode_transitions(ocp, &t, &which, &stage, &at_once, 2));
+    CHECK_OK(swb_ocp_get_mode_transitions(ocp, &t, &which, &stage, &at_once, 1));
+    CHECK(t == jumps[0].t && which == 0 && stage == jumps[0].stage && at_once == 0);
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_set_mode_transitions(ocp, &t, &which, &stage, &at_once, 1));
+    CHECK_OK(swb_ocp_get_cost(ocp, &cost));
+    CHECK_OK(swb_ocp_set_modes(ocp, &off, 1, NULL, 0, NULL, 0));
+    n = 1;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_mode_transitions(ocp, &t, &n, &stage, &at_once, 1));
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_set_mode_transitions(ocp, &t, &which, NULL, &at_once, 1));
+    CHECK_OK(swb_ocp_set_mode_transitions(ocp, &t, &which, &stage, &at_once, 1));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK_OK(swb_ocp_get_cost(ocp, &again));
+    CHECK_NEAR(again, cost, 1e-9);
     swb_ocp_free(ocp);
     swb_system_free(system);
     swb_function_free(f);

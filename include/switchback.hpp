@@ -1397,6 +1397,13 @@ public:
     struct Modes {
         Vector times;
         std::vector<int32_t> modes, cells;
+        /// A transition: time from the start of the horizon, which one, in which stage, whether without passing its guard.
+        struct Transition {
+            double t;
+            int64_t transition, stage;
+            bool at_once;
+        };
+        std::vector<Transition> transitions;
     };
     /// Mode sequence of the last solution.
     Modes modes() const {
@@ -1405,6 +1412,16 @@ public:
         const auto room = [n](int64_t width) { return std::vector<int32_t>(static_cast<std::size_t>(n * width)); };
         Modes m{Vector(static_cast<std::size_t>(n)), room(n_modes), room(n_cells)};
         detail::check(swb_ocp_get_modes(get(), m.times.data(), n, m.modes.data(), n * n_modes, m.cells.data(), n * n_cells));
+        int64_t n_jumps = 0;
+        detail::check(swb_ocp_jump_count(get(), &n_jumps));
+        const auto size = static_cast<std::size_t>(n_jumps);
+        Vector t(size);
+        std::vector<int64_t> which(size), stage(size);
+        std::vector<int32_t> at_once(size);
+        if (n_jumps > 0)
+            detail::check(swb_ocp_get_mode_transitions(get(), t.data(), which.data(), stage.data(), at_once.data(), n_jumps));
+        for (std::size_t k = 0; k < size; k++)
+            m.transitions.push_back({t[k], which[k], stage[k], at_once[k] != 0});
         return m;
     }
     /// Order of modes the next solves start with; an empty one forgets it.
@@ -1412,6 +1429,19 @@ public:
         const auto length = [](const std::vector<int32_t> &v) { return static_cast<int64_t>(v.size()); };
         detail::check(swb_ocp_set_modes(get(), m.times.data(), static_cast<int64_t>(m.times.size()), m.modes.data(),
                                         length(m.modes), m.cells.data(), length(m.cells)));
+        if (m.transitions.empty())
+            return;
+        Vector t;
+        std::vector<int64_t> which, stage;
+        std::vector<int32_t> at_once;
+        for (const Modes::Transition &one : m.transitions) {
+            t.push_back(one.t);
+            which.push_back(one.transition);
+            stage.push_back(one.stage);
+            at_once.push_back(one.at_once ? 1 : 0);
+        }
+        detail::check(swb_ocp_set_mode_transitions(get(), t.data(), which.data(), stage.data(), at_once.data(),
+                                                   static_cast<int64_t>(t.size())));
     }
     /// Controls to start from, those of one start together: the guess of a solve, then random ones within the bounds.
     Vector random_starts(int64_t n, uint64_t seed = 0) {

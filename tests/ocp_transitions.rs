@@ -10,10 +10,9 @@ use std::sync::Arc;
 use scenes::{number, numbers, reference};
 use switchback::error::Error;
 use switchback::expr::{Expr, Graph};
-use switchback::func::Dims;
 use switchback::model::{Built, Model, Transition};
 use switchback::nlp::{Control, Outcome};
-use switchback::ocp::{CostAt, Durations, MultiPhase, Norm, Ocp, OcpResult};
+use switchback::ocp::{Durations, MultiPhase, Ocp, OcpResult};
 use switchback::settings::Settings;
 use switchback::system::{Direction, Rule, SharedFunction};
 
@@ -386,18 +385,6 @@ fn wrong_statements_are_refused_with_words() {
     let mut o = Car::thesis().ocp();
     o.set_x0_bounds(&[0.0; 3], &[0.0, 0.0, 1.0]).unwrap();
     refused(&mut o, "state 2 is discrete");
-    let mut o = Car::thesis().ocp();
-    o.set_settings(&Settings { adapt_tol: 1e-6, ..Settings::default() }).unwrap();
-    refused(&mut o, "adapt_tol");
-    let g = Graph::new();
-    let d = Dims { x: 3, u: 1, p: 0 };
-    let f: SharedFunction = Arc::new(g.function("f", d, &[g.x(0)]).unwrap());
-    let mut o = Car::thesis().ocp();
-    o.add_least_squares(f.clone(), &[1.0], &[0.0], CostAt::ControlGrid).unwrap();
-    refused(&mut o, "control grid");
-    let mut o = Car::thesis().ocp();
-    o.add_relaxed(f, &[0.0], &[1.0], Some(switchback::fesd::PathAt::Elements), Norm::Linf, 1.0).unwrap();
-    refused(&mut o, "Linf");
     let e = MultiPhase::new(vec![Car::thesis().ocp()]).map(|_| ()).unwrap_err();
     assert!(matches!(e, Error::Unsupported(_)), "{e}");
 }

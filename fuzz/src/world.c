@@ -178,6 +178,15 @@ static void heater_ocp(swb_system *system, const swb_settings *s, const double *
     if (DO(swb_ocp_jump_count, ocp, &n) && n <= 16)
         DO(swb_ocp_jumps, ocp, jumps, n, sizeof jumps[0]);
     DO(swb_ocp_jump_states, ocp, 0, before, after, 2);
+    double t[16];
+    int64_t which[16], stages[16];
+    int32_t at_once[16];
+    if (n <= 16 && DO(swb_ocp_get_mode_transitions, ocp, t, which, stages, at_once, n)) {
+        static const double begin = 0.0;
+        DO(swb_ocp_set_modes, ocp, &begin, 1, NULL, 0, NULL, 0);
+        DO(swb_ocp_set_mode_transitions, ocp, t, which, stages, at_once, n);
+        DO(swb_ocp_solve, ocp, &outcome);
+    }
 }
 
 /* A model with a discrete state and transitions, which is kept as a document, too. */

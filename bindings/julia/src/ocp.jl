@@ -547,20 +547,26 @@ end
     modes(ocp)
 
 Mode sequence of the last solution: `times` at which phases begin, from the start of the horizon, and matrices `modes` and
-`cells` with a column for each phase. Several modes of a subsystem are active while it slides.
+`cells` with a column for each phase. Several modes of a subsystem are active while it slides. `transitions` are those
+that are made: `t` from the start of the horizon, the number of the `transition`, its control `stage`, both from 1, and `at_once`
+where the guard does not pass zero.
 """
 function modes(o::Ocp)
     n, n_modes, n_cells = integers(3, Lib.swb_ocp_mode_sizes, o)
     times, flags, cells = zeros(n), zeros(Int32, n_modes, n), zeros(Int32, n_cells, n)
     check(Lib.swb_ocp_get_modes(o, times, n, flags, length(flags), cells, length(cells)))
-    return (times = times, modes = flags .!= 0, cells = cells .!= 0)
+    count = integers(1, Lib.swb_ocp_jump_count, o)[1]
+    t, which, stages, now = zeros(count), zeros(Int64, count), zeros(Int64, count), zeros(Int32, count)
+    count > 0 && check(Lib.swb_ocp_get_mode_transitions(o, t, which, stages, now, count))
+    made = [(t = t[k], transition = which[k] + 1, stage = stages[k] + 1, at_once = now[k] != 0) for k in 1:count]
+    return (times = times, modes = flags .!= 0, cells = cells .!= 0, transitions = made)
 end
 
 """
     set_modes!(ocp, sequence)
 
 Give the order of modes, as `modes` returns it (`cells` may be left out): the next solves start with it and follow the
-homotopy only where it has no solution. `nothing` forgets it.
+homotopy only where it has no solution. Of a model with transitions those in `transitions` are made, and no others. `nothing` forgets it.
 """
 function set_modes!(o::Ocp, sequence)
     if sequence === nothing
@@ -579,6 +585,10 @@ function set_modes!(o::Ocp, sequence)
     active = flags(sequence.modes, "modes")
     cells = haskey(sequence, :cells) && sequence.cells !== nothing ? flags(sequence.cells, "cells") : zeros(Int32, 0, 0)
     check(Lib.swb_ocp_set_modes(o, times, length(times), active, length(active), cells, length(cells)))
+    made = haskey(sequence, :transitions) ? sequence.transitions : ()
+    isempty(made) && return o
+    t, which, stages = Float64[a.t for a in made], Int64[a.transition - 1 for a in made], Int64[a.stage - 1 for a in made]
+    check(Lib.swb_ocp_set_mode_transitions(o, t, which, stages, Int32[a.at_once for a in made], length(t)))
     return o
 end
 
