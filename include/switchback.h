@@ -9172,6 +9172,44 @@ swb_status swb_model_from_json(struct swb_expr *graph,
                                struct swb_model **out);
 
 /**
+ * A scene, or a projected system, as a document in JSON: its sizes, names and expressions, contacts, friction, constraints, discrete states
+ * and transitions. Functions that are called are named.
+ *
+ * @param[in]  graph  the graph of its expressions
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_STATE for another graph; SWB_ERR_UNSUPPORTED if two functions that are called have one name;
+ *         SWB_ERR_DIMENSION if the buffer is too short
+ */
+SWB_API
+swb_status swb_scene_to_json(struct swb_scene *scene,
+                             const struct swb_expr *graph,
+                             char *buf,
+                             int64_t len,
+                             int64_t *needed);
+
+/**
+ * Create a scene, or a projected system, from a document; its expressions become expressions of the graph. It is not built yet.
+ *
+ * @param[in]  graph     may hold other expressions, which stay
+ * @param[in]  text      of swb_scene_to_json
+ * @param[in]  functions [n_functions] those that the document calls by name
+ * @param[out] roots     [n_roots] expressions: of every contact the gap, then the tangents, of friction what slides, of a constraint what is
+ *                       zero; then of every transition the guard, and what its reset makes of states; NULL with n_roots 0 if not wanted
+ * @param[out] out       the new object, NULL on failure; free with swb_scene_free
+ * @return SWB_OK; SWB_ERR_RANGE if the text is no such document, with the place; SWB_ERR_UNSUPPORTED for other versions;
+ *         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as the functions that make a scene
+ */
+SWB_NODISCARD SWB_API
+swb_status swb_scene_from_json(struct swb_expr *graph,
+                               const char *text,
+                               const struct swb_function *const *functions,
+                               int64_t n_functions,
+                               int64_t *roots,
+                               int64_t n_roots,
+                               struct swb_scene **out);
+
+/**
  * Numbers of states, controls and parameters of a model. Any output may be NULL.
  *
  * @return SWB_OK

@@ -61,7 +61,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         &["error", "stop", "settings", "tableau", "linalg", "func", "expr", "system", "fesd", "event", "ocp", "qp"],
     ),
     ("session", &["error", "stop", "settings", "func", "system", "event"]),
-    ("document", &["error", "stop", "settings", "func", "expr", "system", "model", "fesd", "ocp"]),
+    ("document", &["error", "stop", "settings", "func", "expr", "system", "model", "scene", "fesd", "ocp"]),
 ];
 /// Everybody may use these; they use `error` at most.
 const BELOW_ALL: &[&str] = &["memory", "parallel", "random"];

@@ -1,10 +1,11 @@
 //! Models and problems as documents in JSON, and back: for bug reports, replay, and to pass them on.
 //!
-//! A document says its format and version and holds one model, one simulation or one optimal control problem.
+//! A document says its format and version and holds one model, one scene, one simulation or one optimal control problem.
 //! Expressions are written out node by node; functions that are callbacks or foreign code are named, and supplied by
 //! their names when the document is read. Numbers return to the last bit. Whatever a document holds, reading it ends with
 //! an object or an error.
 
+mod mechanics;
 mod parts;
 mod problem;
 
@@ -17,6 +18,7 @@ use crate::func::Function;
 use crate::memory;
 use crate::model::SavedModel;
 use crate::ocp::Ocp;
+use crate::scene::SavedScene;
 use crate::settings::Settings;
 
 pub use problem::Simulation;
@@ -35,6 +37,8 @@ const MAX_BYTES: usize = 256 << 20;
 pub enum Document {
     /// A model, not built yet.
     Model(Box<SavedModel>),
+    /// A scene or a projected system, not built yet.
+    Scene(Box<SavedScene>),
     /// A simulation to be run.
     Simulation(Box<Simulation>),
     /// An optimal control problem to be solved.
@@ -56,6 +60,8 @@ struct File {
     library: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     model: Option<SavedModel>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    scene: Option<SavedScene>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     simulation: Option<SavedSimulation>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -95,6 +101,11 @@ pub fn write_model(model: &SavedModel) -> Result<String> {
     File { model: Some(model.clone()), ..File::new() }.text()
 }
 
+/// A scene or a projected system.
+pub fn write_scene(scene: &SavedScene) -> Result<String> {
+    File { scene: Some(scene.clone()), ..File::new() }.text()
+}
+
 /// A simulation.
 ///
 /// # Errors
@@ -118,11 +129,12 @@ pub fn write_ocp(ocp: &Ocp, settings: &Settings) -> Result<String> {
 /// for a function that is not supplied; else what the setters of the object say.
 pub fn read(text: &str, supplied: &[Arc<dyn Function>]) -> Result<Document> {
     let file = parse(text)?;
-    match (file.model, file.simulation, file.ocp) {
-        (Some(m), None, None) => Ok(Document::Model(Box::new(m))),
-        (None, Some(s), None) => Ok(Document::Simulation(Box::new(s.restore(supplied)?))),
-        (None, None, Some(o)) => Ok(Document::Ocp(Box::new(o.restore(supplied)?))),
-        _ => Err(Error::Range("a document holds one of model, simulation and ocp".into())),
+    match (file.model, file.scene, file.simulation, file.ocp) {
+        (Some(m), None, None, None) => Ok(Document::Model(Box::new(m))),
+        (None, Some(s), None, None) => Ok(Document::Scene(Box::new(s))),
+        (None, None, Some(s), None) => Ok(Document::Simulation(Box::new(s.restore(supplied)?))),
+        (None, None, None, Some(o)) => Ok(Document::Ocp(Box::new(o.restore(supplied)?))),
+        _ => Err(Error::Range("a document holds one of model, scene, simulation and ocp".into())),
     }
 }
 

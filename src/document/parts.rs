@@ -5,11 +5,13 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::mechanics::SavedMechanics;
 use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, SavedGraph, Signature};
 use crate::func::{Dims, Function};
 use crate::memory::sizes::check as sizes;
 use crate::model::{SavedDirection, SavedRule, SavedValue};
+use crate::scene::{embedding_of, Embedding};
 use crate::settings::{Settings, Value, OPTIONS};
 use crate::system::{
     Choice, Inclusion, Linear, Regions, Reset, SetValued, SharedFunction, Subsystem, System, Transition,
@@ -40,7 +42,7 @@ pub(super) struct Interval {
 }
 
 impl Bound {
-    fn new(v: f64) -> Bound {
+    pub(super) fn new(v: f64) -> Bound {
         match v {
             f64::INFINITY => Bound::Infinite(Infinite::Plus),
             f64::NEG_INFINITY => Bound::Infinite(Infinite::Minus),
@@ -48,7 +50,7 @@ impl Bound {
         }
     }
 
-    fn value(self) -> f64 {
+    pub(super) fn value(self) -> f64 {
         match self {
             Bound::Number(v) => v,
             Bound::Infinite(Infinite::Plus) => f64::INFINITY,
@@ -78,6 +80,21 @@ pub(super) struct SavedFunction {
     /// Length of the parts that are evaluated alone.
     #[serde(default, skip_serializing_if = "is_zero")]
     part: usize,
+    /// It has no second derivatives.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    first_order: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    embedded: Option<Box<SavedEmbedding>>,
+}
+
+/// A function of some of the inputs, with their places among all; its outputs have places likewise, the others are zero.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedEmbedding {
+    f: SavedFunction,
+    states: Vec<u32>,
+    params: Vec<u32>,
+    outputs: Vec<u32>,
 }
 
 fn is_zero(n: &usize) -> bool {
@@ -117,6 +134,16 @@ impl SavedFunction {
                 _ => None,
             },
             part: expr.map_or(0, ExprFunction::part_len),
+            first_order: expr.is_some_and(ExprFunction::is_first_order),
+            embedded: match embedding_of(f.as_ref()) {
+                Some(e) => Some(Box::new(SavedEmbedding {
+                    f: SavedFunction::new(&e.f)?,
+                    states: e.states,
+                    params: e.params,
+                    outputs: e.outputs,
+                })),
+                None => None,
+            },
         })
     }
 
@@ -131,6 +158,16 @@ impl SavedFunction {
 
     fn restore_as(&self, supplied: &[Arc<dyn Function>], at_events: bool) -> Result<SharedFunction> {
         let s = &self.signature;
+        if let Some(e) = &self.embedded {
+            sizes(&s.name, &[s.x, s.u, s.p, s.outputs])?;
+            let inner = Embedding {
+                f: e.f.restore(supplied)?,
+                states: e.states.clone(),
+                params: e.params.clone(),
+                outputs: e.outputs.clone(),
+            };
+            return inner.function(&s.name, Dims { x: s.x, u: s.u, p: s.p }, s.outputs);
+        }
         let Some(graph) = &self.expressions else { return s.find(supplied) };
         sizes(&s.name, &[s.x, s.u, s.p])?;
         if graph.n_roots() != s.outputs || self.part > s.outputs {
@@ -146,6 +183,7 @@ impl SavedFunction {
         let outputs = graph.restore(&mut dag, supplied)?;
         let dims = Dims { x: s.x, u: s.u, p: s.p };
         Ok(Arc::new(match self.part {
+            0 if self.first_order => ExprFunction::first_order(&s.name, &mut dag, dims, &outputs)?,
             0 if at_events => dag.function_at_events(&s.name, dims, &outputs)?,
             0 => ExprFunction::new(&s.name, &mut dag, dims, &outputs)?,
             len => ExprFunction::with_parts(&s.name, &mut dag, dims, &outputs, len)?,
@@ -176,6 +214,8 @@ pub(super) struct SavedSystem {
     choices: Vec<Choice>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     known_times: Vec<SavedTime>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    mechanics: Option<SavedMechanics>,
 }
 
 #[derive(Clone, Serialize, Deserialize)]
@@ -215,6 +255,9 @@ struct SavedInclusion {
     rows: Vec<usize>,
     f: SavedFunction,
     psi: SavedFunction,
+    /// The numbers are multipliers of the constraints `psi`, not steps.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    multipliers: bool,
 }
 
 #[derive(Clone, Serialize, Deserialize)]
@@ -235,7 +278,6 @@ enum SavedRegions {
 
 impl SavedSystem {
     pub(super) fn new(system: &System) -> Result<SavedSystem> {
-        system.check_without_contacts("a document")?;
         let d = system.dims();
         let subsystem = |s: &Subsystem| -> Result<SavedSubsystem> {
             Ok(SavedSubsystem {
@@ -251,11 +293,8 @@ impl SavedSystem {
             })
         };
         let inclusion = |i: &Inclusion| -> Result<SavedInclusion> {
-            if i.set == SetValued::Multiplier {
-                return Err(Error::Unsupported("projected systems have no form as a document".into()));
-            }
             let (f, psi) = (SavedFunction::new(&i.f)?, SavedFunction::new(&i.psi)?);
-            Ok(SavedInclusion { rows: i.rows.clone(), f, psi })
+            Ok(SavedInclusion { rows: i.rows.clone(), f, psi, multipliers: i.set == SetValued::Multiplier })
         };
         let transition = |t: &Transition| -> Result<SavedTransition> {
             Ok(SavedTransition {
@@ -282,12 +321,22 @@ impl SavedSystem {
             transitions: system.transitions().iter().map(transition).collect::<Result<_>>()?,
             choices: system.choices().to_vec(),
             known_times: system.known_times().iter().map(|&(t, jumps)| SavedTime { t, jumps }).collect(),
+            mechanics: system.mechanics().map(|m| SavedMechanics::new(m)).transpose()?,
         })
     }
 
     pub(super) fn restore(&self, supplied: &[Arc<dyn Function>]) -> Result<System> {
         sizes("system", &[self.states, self.controls, self.parameters])?;
-        let mut system = System::new(self.states, self.controls, self.parameters)?;
+        let mut system = match &self.mechanics {
+            Some(m) => {
+                let m = m.restore(supplied)?;
+                if m.n_states() != self.states {
+                    return Err(Error::Dimension(format!("{} states, and a scene of {}", self.states, m.n_states())));
+                }
+                System::of_mechanics(m, self.controls, self.parameters)?
+            }
+            None => System::new(self.states, self.controls, self.parameters)?,
+        };
         if let Some(f) = &self.f0 {
             system.set_f0(f.restore(supplied)?)?;
         }
@@ -304,7 +353,8 @@ impl SavedSystem {
         }
         for i in &self.inclusions {
             let (f, psi) = (i.f.restore(supplied)?, i.psi.restore(supplied)?);
-            system.add_inclusion(Inclusion { rows: i.rows.clone(), f, psi, set: SetValued::Step })?;
+            let set = if i.multipliers { SetValued::Multiplier } else { SetValued::Step };
+            system.add_inclusion(Inclusion { rows: i.rows.clone(), f, psi, set })?;
         }
         for t in &self.transitions {
             system.add_transition(Transition {

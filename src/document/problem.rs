@@ -9,7 +9,7 @@ use crate::error::{check_run, finite, Error, Result};
 use crate::fesd::PathAt;
 use crate::func::{Function, Maximum};
 use crate::memory::sizes::check as sizes;
-use crate::ocp::{CostAt, CostOf, Durations, ModeSequence, Nominal, Norm, Ocp, Statement, TransitionAt};
+use crate::ocp::{CostAt, CostOf, Durations, Jumps, ModeSequence, Nominal, Norm, Ocp, Statement, TransitionAt};
 use crate::settings::Settings;
 use crate::system::System;
 
@@ -259,10 +259,46 @@ impl SavedAtTime {
     }
 }
 
+/// How contact modes of a scene are found; the default is not written.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum SavedJumps {
+    Modes,
+    FesdJ,
+    Steps,
+    Shots,
+    Freezing,
+}
+
+impl SavedJumps {
+    fn of(method: Jumps) -> Result<Option<SavedJumps>> {
+        Ok(Some(match method {
+            Jumps::Auto => return Ok(None),
+            Jumps::Modes => SavedJumps::Modes,
+            Jumps::FesdJ => SavedJumps::FesdJ,
+            Jumps::Steps => SavedJumps::Steps,
+            Jumps::Shots => SavedJumps::Shots,
+            Jumps::Freezing => SavedJumps::Freezing,
+        }))
+    }
+
+    fn method(self) -> Jumps {
+        match self {
+            SavedJumps::Modes => Jumps::Modes,
+            SavedJumps::FesdJ => Jumps::FesdJ,
+            SavedJumps::Steps => Jumps::Steps,
+            SavedJumps::Shots => Jumps::Shots,
+            SavedJumps::Freezing => Jumps::Freezing,
+        }
+    }
+}
+
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SavedOcp {
     system: SavedSystem,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    jumps: Option<SavedJumps>,
     settings: SavedSettings,
     horizon: f64,
     n_stages: usize,
@@ -357,7 +393,8 @@ impl SavedOcp {
             bounds: free.map(|_| Interval::new(&s.time_bounds[..1], &s.time_bounds[1..])),
         });
         Ok(SavedOcp {
-            system: SavedSystem::new(s.system)?,
+            system: SavedSystem::new(s.simulated)?,
+            jumps: SavedJumps::of(s.jumps)?,
             settings: SavedSettings::new(settings)?,
             horizon: s.horizon,
             n_stages: s.n_stages,
@@ -397,6 +434,9 @@ impl SavedOcp {
         let system = self.system.restore(supplied)?;
         let mut ocp = Ocp::new(&system, self.horizon, self.n_stages, &self.settings.restore()?)?;
         ocp.set_t0(self.t0)?;
+        if let Some(j) = self.jumps {
+            ocp.set_jumps(j.method());
+        }
         if let Some(f) = &self.lagrange {
             ocp.set_lagrange(f.restore(supplied)?)?;
         }

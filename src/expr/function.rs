@@ -186,6 +186,11 @@ impl ExprFunction {
         self.part_len
     }
 
+    /// Was it made without second derivatives?
+    pub fn is_first_order(&self) -> bool {
+        self.first_order
+    }
+
     /// Depends on no input.
     pub fn is_constant(&self) -> bool {
         self.jac_pattern.nnz() == 0

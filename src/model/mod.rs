@@ -28,7 +28,7 @@ pub use report::{Counts, Group, Note, NoteKind, Report};
 pub use saved::SavedModel;
 pub use transition::Transition;
 
-pub(crate) use saved::{SavedDirection, SavedRule, SavedValue};
+pub(crate) use saved::{SavedDirection, SavedNames, SavedRule, SavedTransition, SavedValue};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -36,10 +36,22 @@ pub struct SavedModel {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct SavedNames {
+pub(crate) struct SavedNames {
     states: Vec<String>,
     controls: Vec<String>,
     parameters: Vec<String>,
+}
+
+impl SavedNames {
+    pub(crate) fn of(n: &Names) -> SavedNames {
+        SavedNames { states: n.x.clone(), controls: n.u.clone(), parameters: n.p.clone() }
+    }
+}
+
+impl From<&SavedNames> for Names {
+    fn from(n: &SavedNames) -> Names {
+        Names { x: n.states.clone(), u: n.controls.clone(), p: n.parameters.clone() }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -173,7 +185,7 @@ impl From<&SavedRule> for Rule {
 /// A transition: the first root of the expressions is the guard, the others are what the states in `reset` become.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct SavedTransition {
+pub(crate) struct SavedTransition {
     expressions: SavedGraph,
     direction: SavedDirection,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -187,7 +199,7 @@ struct SavedTransition {
 }
 
 impl SavedTransition {
-    fn new(dag: &Dag, t: &Transition) -> Result<SavedTransition> {
+    pub(crate) fn new(dag: &Dag, t: &Transition) -> Result<SavedTransition> {
         let roots: Vec<Id> = [t.guard].into_iter().chain(t.reset.iter().map(|r| r.1)).collect();
         Ok(SavedTransition {
             expressions: SavedGraph::new(dag, &roots)?,
@@ -199,7 +211,12 @@ impl SavedTransition {
         })
     }
 
-    fn restore(&self, dag: &mut Dag, supplied: &[Arc<dyn Function>]) -> Result<Transition> {
+    /// Does it move states?
+    pub(crate) fn resets(&self) -> bool {
+        !self.reset.is_empty()
+    }
+
+    pub(crate) fn restore(&self, dag: &mut Dag, supplied: &[Arc<dyn Function>]) -> Result<Transition> {
         let n = 1 + self.reset.len();
         if self.expressions.n_roots() != n {
             return Err(Error::Dimension(format!(
@@ -234,7 +251,7 @@ impl SavedModel {
             name: model.name.clone(),
             controls: model.dims.u,
             parameters: model.dims.p,
-            names: named.then(|| SavedNames { states: n.x.clone(), controls: n.u.clone(), parameters: n.p.clone() }),
+            names: named.then(|| SavedNames::of(n)),
             derivatives: SavedGraph::new(dag, &rhs)?,
             trial: model.trial.as_ref().map(|t| SavedTrial { t: t.t, x: t.x.clone(), u: t.u.clone(), p: t.p.clone() }),
             discrete: Vec::new(),
@@ -277,7 +294,7 @@ impl SavedModel {
             model.set_derivative(i, id)?;
         }
         if let Some(n) = &self.names {
-            model.set_names(Names { x: n.states.clone(), u: n.controls.clone(), p: n.parameters.clone() });
+            model.set_names(Names::from(n));
         }
         if let Some(t) = &self.trial {
             model.set_trial(Trial { t: t.t, x: t.x.clone(), u: t.u.clone(), p: t.p.clone() })?;
@@ -287,7 +304,7 @@ impl SavedModel {
             model.set_value_names(k, names)?;
         }
         // a reset has an output for every state, which a document does not write out
-        sizes::entries("the resets", &[self.transitions.iter().filter(|t| !t.reset.is_empty()).count(), model.dims.x])?;
+        sizes::entries("the resets", &[self.transitions.iter().filter(|t| t.resets()).count(), model.dims.x])?;
         for (k, t) in self.transitions.iter().enumerate() {
             model.add_transition(t.restore(dag, supplied).map_err(|e| at_transition(k, e))?);
         }

@@ -35,6 +35,11 @@ struct Last {
 }
 
 impl SceneControl {
+    /// How contact modes are found.
+    pub(super) fn method(&self) -> Jumps {
+        self.method
+    }
+
     /// The same without answers.
     pub(super) fn blank(&self) -> SceneControl {
         SceneControl { method: self.method, sequence: self.sequence.clone(), last: None }

@@ -1,7 +1,7 @@
 //! A problem as it was stated, for who writes it down.
 
 use super::extend::{Complementarity, LeastSquares, Soft};
-use super::{Durations, ModeSequence, Nominal, Ocp};
+use super::{Durations, Jumps, ModeSequence, Nominal, Ocp};
 use crate::fesd::{Boundary, PathConstraint, Terminal};
 use crate::func::Function;
 use crate::settings::Settings;
@@ -14,6 +14,7 @@ pub struct Statement<'a> {
     pub system: &'a System,
     /// The system as events follow it: another one than that of the finite elements where it is projected.
     pub simulated: &'a System,
+    pub jumps: Jumps,
     pub settings: &'a Settings,
     pub horizon: f64,
     pub n_stages: usize,
@@ -105,7 +106,7 @@ impl Ocp {
             measured: _,
             largest: _,
             shifted: _,
-            scene: _,
+            scene,
             transitions: _,
             chosen: _,
             clearance: _,
@@ -117,6 +118,7 @@ impl Ocp {
         Statement {
             system,
             simulated: projected.as_ref().unwrap_or(system),
+            jumps: scene.method(),
             settings,
             horizon: *horizon,
             n_stages: *n_stages,

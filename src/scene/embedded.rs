@@ -1,8 +1,8 @@
 //! Functions of a few of the inputs of a system, in the place of functions of all of them.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, Id, SavedGraph};
 use crate::func::{Dims, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
@@ -56,6 +56,46 @@ impl Embedded {
         p.iter_mut().zip(&self.p).for_each(|(v, &i)| *v = at.p[i as usize]);
         f(&Point { x, p, ..*at }, out, work)
     }
+}
+
+/// What a function of a few of the inputs in the place of one of all is made of: the function, and places of its states, parameters and
+/// outputs, each increasing.
+pub struct Embedding {
+    /// The function of a few inputs; controls and time are those of all.
+    pub f: SharedFunction,
+    /// Places of its states among all.
+    pub states: Vec<u32>,
+    /// Places of its parameters.
+    pub params: Vec<u32>,
+    /// Places of its outputs; the others are zero.
+    pub outputs: Vec<u32>,
+}
+
+impl Embedding {
+    /// The function of inputs of these sizes, with so many outputs.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] where the places are no places of what the function has.
+    pub fn function(self, name: &str, dims: Dims, n_out: usize) -> Result<SharedFunction> {
+        let own = self.f.dims();
+        let fits = |places: &[u32], n: usize, of: usize| {
+            places.len() == n && places.windows(2).all(|w| w[0] < w[1]) && places.iter().all(|&i| (i as usize) < of)
+        };
+        let all = fits(&self.states, own.x, dims.x) && fits(&self.params, own.p, dims.p);
+        if !all || !fits(&self.outputs, self.f.n_out(), n_out) || own.u != dims.u {
+            return Err(Error::Dimension(format!(
+                "function '{name}' is one of a few inputs, and their places or those of its outputs do not fit"
+            )));
+        }
+        let Embedding { f: inner, states: x, params: p, outputs: out } = self;
+        Ok(Arc::new(Embedded { name: name.to_owned(), inner, dims, n_out, x, p, out, patterns: OnceLock::new() }))
+    }
+}
+
+/// What a function is made of, where it is one of a few of its inputs.
+pub fn embedding_of(f: &dyn Function) -> Option<Embedding> {
+    let e = f.as_any()?.downcast_ref::<Embedded>()?;
+    Some(Embedding { f: e.inner.clone(), states: e.x.clone(), params: e.p.clone(), outputs: e.out.clone() })
 }
 
 /// Expressions that a function computes; none where it is not made of them. Unlike the function itself they have second derivatives.
@@ -154,7 +194,6 @@ impl Function for Embedded {
 mod tests {
     use super::*;
     use crate::expr::Graph;
-    use std::sync::Arc;
 
     #[test]
     fn places_of_values_and_derivatives() {

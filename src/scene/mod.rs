@@ -32,14 +32,16 @@
 mod embedded;
 mod parts;
 mod report;
+mod saved;
 mod shape;
 mod switches;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-pub use embedded::{expressions_of, saved_expressions};
+pub use embedded::{embedding_of, expressions_of, saved_expressions, Embedding};
 pub use parts::{ContactEquations, Equations, Sliding};
+pub use saved::SavedScene;
 pub use report::{ContactReport, Dropped, Report};
 
 use self::shape::{Excerpt, Flaw, Frame, Parts, Places, Shape};

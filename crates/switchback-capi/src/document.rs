@@ -6,14 +6,16 @@ use super::guard::guard;
 use super::handle;
 use super::ocp::{self, swb_ocp};
 use super::raw;
+use super::scene::{swb_scene, SceneObject};
 use super::simulator::{swb_simulator, Simulation};
 use super::status::swb_status;
 use std::ffi::c_char;
-use switchback::document::{read, write_model, Document};
+use switchback::document::{read, write_model, write_scene, Document};
 use switchback::error::{check_run, Error, Result};
 use switchback::expr::Id;
 use switchback::memory::sizes;
 use switchback::model::SavedModel;
+use switchback::scene::SavedScene;
 use switchback::system::SharedFunction;
 
 unsafe fn supplied(functions: *const *const swb_function, n: i64) -> Result<Vec<SharedFunction>> {
@@ -24,6 +26,7 @@ unsafe fn supplied(functions: *const *const swb_function, n: i64) -> Result<Vec<
 fn other(found: &Document, wanted: &str, reader: &str) -> Error {
     let what = match found {
         Document::Model(_) => "a model: read it with swb_model_from_json",
+        Document::Scene(_) => "a scene: read it with swb_scene_from_json",
         Document::Simulation(_) => "a simulation: read it with swb_simulator_from_json",
         Document::Ocp(_) => "an optimal control problem: read it with swb_ocp_from_json",
         _ => "something else",
@@ -92,6 +95,71 @@ pub unsafe extern "C" fn swb_model_from_json(
                 }
                 Ok(built)
             })
+        })
+    })
+}
+
+/// A scene, or a projected system, as a document in JSON: its sizes, names and expressions, contacts, friction, constraints, discrete states
+/// and transitions. Functions that are called are named.
+///
+/// @param[in]  graph  the graph of its expressions
+/// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+/// @param[out] needed length with the final NUL; may be NULL
+/// @return SWB_OK; SWB_ERR_STATE for another graph; SWB_ERR_UNSUPPORTED if two functions that are called have one name;
+///         SWB_ERR_DIMENSION if the buffer is too short
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_to_json(
+    scene: *mut swb_scene,
+    graph: *const swb_expr,
+    buf: *mut c_char,
+    len: i64,
+    needed: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let saved = handle::with_mut(scene, |s| {
+            s.check_graph(graph)?;
+            handle::with_ref(graph, |dag| SavedScene::new(s.scene(), dag))
+        })?;
+        raw::write_text(write_scene(&saved)?.as_bytes(), buf, len, needed)
+    })
+}
+
+/// Create a scene, or a projected system, from a document; its expressions become expressions of the graph. It is not built yet.
+///
+/// @param[in]  graph     may hold other expressions, which stay
+/// @param[in]  text      of swb_scene_to_json
+/// @param[in]  functions [n_functions] those that the document calls by name
+/// @param[out] roots     [n_roots] expressions: of every contact the gap, then the tangents, of friction what slides, of a constraint what is
+///                       zero; then of every transition the guard, and what its reset makes of states; NULL with n_roots 0 if not wanted
+/// @param[out] out       the new object, NULL on failure; free with swb_scene_free
+/// @return SWB_OK; SWB_ERR_RANGE if the text is no such document, with the place; SWB_ERR_UNSUPPORTED for other versions;
+///         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as the functions that make a scene
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_from_json(
+    graph: *mut swb_expr,
+    text: *const c_char,
+    functions: *const *const swb_function,
+    n_functions: i64,
+    roots: *mut i64,
+    n_roots: i64,
+    out: *mut *mut swb_scene,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::create(out, |_| {
+            let (text, functions) = (raw::text(text, "text")?, supplied(functions, n_functions)?);
+            let saved = match read(text, &functions)? {
+                Document::Scene(s) => s,
+                d => return Err(other(&d, "scenes", "swb_scene_from_json")),
+            };
+            let wanted = n_roots != 0 || !roots.is_null();
+            let scene = handle::with_mut(graph, |dag| saved.restore(dag, &functions))?;
+            if wanted {
+                let numbers: Vec<i64> = scene.expressions().iter().map(|id| id.index() as i64).collect();
+                raw::write_slice(roots, n_roots, &numbers, "roots")?;
+            }
+            let mut made = SceneObject::new(scene);
+            made.check_graph(graph)?;
+            Ok(made)
         })
     })
 }

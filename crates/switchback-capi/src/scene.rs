@@ -32,7 +32,7 @@ unsafe impl Send for SceneObject {}
 unsafe impl Sync for SceneObject {}
 
 impl SceneObject {
-    fn new(scene: Scene) -> SceneObject {
+    pub(super) fn new(scene: Scene) -> SceneObject {
         SceneObject { scene, built: None, graph: None, frozen: None }
     }
 

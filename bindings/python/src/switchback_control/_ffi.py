@@ -1546,6 +1546,8 @@ FUNCTIONS = {
     "swb_multiphase_free": (None, [c_void_p]),
     "swb_model_to_json": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_model_from_json": (c_int32, [c_void_p, c_char_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
+    "swb_scene_to_json": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_scene_from_json": (c_int32, [c_void_p, c_char_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_model_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_simulator_to_json": (c_int32, [c_void_p, c_double, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_simulator_from_json": (c_int32, [c_char_p, c_void_p, c_int64, c_void_p, c_void_p, c_void_p]),

@@ -734,6 +734,15 @@ class _Transition:
         built._do("add_event", graph, *rule, int(self.guard._ids), self.direction, *places, None)
 
     @classmethod
+    def saved(cls, t: Any, roots: Iterator[Expr]) -> _Transition:
+        """A transition of a document; its guard and what its reset makes of states are the next of `roots`."""
+        guard, rule = next(roots), t.get("rule", {})
+        reset = {state: next(roots) for state in t.get("reset", ())}
+        when, to = ({v["state"]: float(v["value"]) for v in t.get(key, ())} for key in ("from", "to"))
+        effect, trigger = Effect[rule.get("effect", "jump").upper()], Trigger[rule.get("trigger", "level").upper()]
+        return cls(guard, Direction[t["direction"].upper()], when, reset, to, rule.get("name", ""), effect, trigger)
+
+    @classmethod
     def read(cls, built: _Built, graph: Graph, index: int) -> _Transition:
         """A transition of a model of the library."""
         sizes = [ctypes.c_int64() for _ in range(3)]

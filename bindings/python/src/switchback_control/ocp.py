@@ -347,7 +347,8 @@ class Ocp(Hints, OcpTerms, OcpSearch):
         ocp.horizon, ocp.n_stages, ocp.initial_time = float(data["horizon"]), data["n_stages"], float(data["t0"])
         ocp._functions = list(reader.functions)
         ocp._system = None
-        ocp._contacts = None
+        contacts = data["system"].get("mechanics", {"projected": True})
+        ocp._contacts = None if contacts.get("projected") else tuple((c["name"], c["tangents"]) for c in contacts.get("contacts", ()))
         ocp._starts = True  # what a document does not say was meant
         ocp._monitors(None, None)
         return ocp

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,15 +12,18 @@ import numpy
 
 from ._arrays import address, choice, index, number, vector
 from ._call import Handle, encode, text
+from ._document import Reader
 from ._ffi import ContactMode, ImpactKind, ImpactLaw
 from ._library import lib
 from .errors import ArgumentError, DimensionError
 from ._names import Named, split
-from .expr import Expr, Graph, Jumping
+from .expr import Expr, Graph, Jumping, _Transition
 from .function import Function
 from .system import System
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from .freezing import FrozenModel
     from .runs import Run
     from .stepper import Steps
@@ -69,6 +72,12 @@ class _Scene(Handle):
     _kind = "scene"
 
 
+def _known_by(contact: Any) -> int:
+    """Expressions that something among the contacts of a document is known by."""
+    ((kind, one),) = contact.items()
+    return 1 + len(one.get("tangents", ())) if kind == "contact" else 1
+
+
 class _ContactSystem(Named):
     """What scenes and projected systems share: a graph, contacts, and the system they become."""
 
@@ -79,7 +88,7 @@ class _ContactSystem(Named):
     q: Expr
     v: Expr
     contacts: list[SceneContact]
-    n_q: int  # number of coordinates; the states of a projected system are in the place of velocities
+    n_q: int = -1  # number of coordinates; the states of a projected system are in the place of velocities: 0
     states: Expr
     nx: int
     nu: int
@@ -91,15 +100,19 @@ class _ContactSystem(Named):
 
     def _begin(self, create: Any, sizes: Sequence[int], states: int, controls: list[str], parameters: list[str]) -> None:
         self._refuse_twice()
-        self.graph = Graph()
+        names = encode("\n".join(n for group in self.names for n in group), "names")
+        made = _Scene.__new__(_Scene)
+        made._make(create, encode(self.name, "name"), *sizes, names)
+        self._adopt(Graph(), made, states, controls, parameters)
+
+    def _adopt(self, graph: Graph, made: _Scene, states: int, controls: list[str], parameters: list[str]) -> None:
+        self.graph = graph
         self.x = self.graph.inputs("x", states)
         self.nx, self.nu, self.np = states, len(controls), len(parameters)
         self.u, self.p = self.graph.inputs("u", self.nu), self.graph.inputs("p", self.np)
         self.t = self.graph.inputs("t", 1)[0]
         self.contacts = []
-        names = encode("\n".join(n for group in self.names for n in group), "names")
-        self._made = _Scene.__new__(_Scene)
-        self._made._make(create, encode(self.name, "name"), *sizes, names)
+        self._made = made
         self._current = False
         self._complete = True
 
@@ -172,6 +185,58 @@ class _ContactSystem(Named):
         s._events = [t.name for t in self._transitions]
         return s
 
+    def to_json(self) -> str:
+        """It as a document in JSON: for bug reports, and to pass it on; with its discrete states and transitions. Functions that its
+        expressions call are named only."""
+        return text(lib.swb_scene_to_json, self._made, self.graph)
+
+    @classmethod
+    def from_json(cls, document: str, functions: Iterable[Function] = ()) -> Self:
+        """From a document of `to_json`. Functions that it calls are not in it: they are supplied, and found by name."""
+        reader = Reader(document, functions)
+        saved: Any = reader.data().get("scene")
+        graph = Graph()
+        graph._functions.extend(reader.functions)
+        try:
+            projected = bool(saved.get("projected", False))
+            n_roots = sum(_known_by(c) for c in saved.get("contacts", ()))
+            n_roots += sum(1 + len(t.get("reset", ())) for t in saved.get("transitions", ()))
+        except (AttributeError, KeyError, TypeError, ValueError):
+            projected, n_roots = False, 0  # the library says what is wrong
+        roots = numpy.empty(n_roots, dtype=numpy.int64)
+        made = _Scene.__new__(_Scene)
+        made._make(lib.swb_scene_from_json, graph, *reader.arguments, address(roots), roots.size)
+        if projected != (cls.n_q == 0):
+            raise ArgumentError(f"the document holds a {'projected system: read it with Projected' if projected else 'scene: read it with Scene'}")
+        found = cls.__new__(cls)
+        found._read(saved, graph, made, iter([graph._expr(numpy.array(k)) for k in roots]))
+        return found
+
+    def _read(self, saved: Any, graph: Graph, made: _Scene, roots: Iterator[Expr]) -> None:
+        """Take over a scene of the library, with what a document says of it."""
+        names, discrete = saved.get("names") or {}, saved.get("discrete", [])
+        blocks = (("q", saved.get("coordinates", 0)), ("v", saved["velocities"]), ("z", len(saved.get("states", ())) + len(discrete)))
+        rest = list(names.get("states", ()))
+        groups = []
+        for _, n in blocks:
+            groups.append((rest[:n] + [""] * n)[:n])
+            rest = rest[n:]
+        first = self.n_q == 0
+        inputs = [(list(names.get(what, ())) + [""] * n)[:n] for what, n in (("controls", saved["controls"]), ("parameters", saved["parameters"]))]
+        self.name = saved["name"]
+        self.names = [*([groups[1]] if first else groups if groups[2] else groups[:2]), *inputs]
+        self._discrete = discrete
+        self._enter(saved)
+        self._adopt(graph, made, sum(n for _, n in blocks), *inputs)
+        for c in saved.get("contacts", ()):
+            ((kind, one),) = c.items()
+            gap = next(roots) if kind != "friction" else graph.of(0.0)
+            self.contacts.append(SceneContact(one["name"], gap, tuple(next(roots) for _ in range(_known_by(c) - (kind != "friction")))))
+        self._transitions = [_Transition.saved(t, roots) for t in saved.get("transitions", ())]
+
+    def _enter(self, saved: Any) -> None:
+        """Sizes that only a scene has."""
+
     def function(self, outputs: Any, name: str = "f") -> Function:
         """A function of the states, controls, parameters and time."""
         return self.graph.function(outputs, self.nx, self.nu, self.np, name)
@@ -212,12 +277,19 @@ class Scene(Jumping, _ContactSystem):
         self.n_q, self.n_v, self.n_states = len(qs), len(vs), len(zs)
         if not self.n_q or not self.n_v:
             raise DimensionError("a scene needs at least one coordinate and one velocity")
-        sizes, behind = (self.n_q, self.n_v, self.n_states), self.n_q + self.n_v
+        sizes = self.n_q, self.n_v, self.n_states
         self._begin(lib.swb_scene_create_with_states, (*sizes, len(us), len(ps)), sum(sizes), us, ps)
-        self.q, self.v, self.states = self.x[: self.n_q], self.x[self.n_q : behind], self.x[behind:]
         self._warn_hidden(besides=("x",))  # coordinates are written s.q; a state array in the place of x has the wrong shape
 
     _what = "scene"
+
+    def _adopt(self, *given: Any) -> None:
+        super()._adopt(*given)
+        behind = self.n_q + self.n_v
+        self.q, self.v, self.states = self.x[: self.n_q], self.x[self.n_q : behind], self.x[behind : behind + self.n_states]
+
+    def _enter(self, saved: Any) -> None:
+        self.n_q, self.n_v, self.n_states = saved["coordinates"], saved["velocities"], len(saved.get("states", ()))
 
     def discrete(self, name: str = "", initial: float = 0.0) -> Expr:
         """Add a discrete state: only transitions change it. It is the last state, and where an initial state is given
