@@ -7,6 +7,35 @@
 
 static const double g = 9.81;
 
+/* A scene as a document and back: the gap is its only expression that is asked for, and what is no scene is refused. */
+static void read_back(swb_scene *scene, swb_expr *graph)
+{
+    char text[4096], again[4096];
+    int64_t needed = 0, gap = -1;
+    swb_expr *other = NULL;
+    swb_scene *read = NULL;
+    swb_system *system = NULL;
+
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_scene_to_json(scene, graph, text, 3, NULL));
+    CHECK_OK(swb_scene_to_json(scene, graph, NULL, 0, &needed));
+    CHECK(needed > 1 && needed <= (int64_t)sizeof text);
+    CHECK_OK(swb_scene_to_json(scene, graph, text, sizeof text, NULL));
+    CHECK_OK(swb_expr_create(&other));
+    CHECK_STATUS(SWB_ERR_STATE, swb_scene_to_json(scene, other, again, sizeof again, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_from_json(other, "{}", NULL, 0, NULL, 0, &read));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_scene_from_json(other, text, NULL, 0, &gap, 2, &read));
+    CHECK(read == NULL);
+    CHECK_OK(swb_scene_from_json(other, text, NULL, 0, &gap, 1, &read));
+    CHECK(gap >= 0);
+    CHECK_OK(swb_scene_to_json(read, other, again, sizeof again, NULL));
+    CHECK(strcmp(text, again) == 0);
+    CHECK_OK(swb_scene_build(read, other));
+    CHECK_OK(swb_scene_system(read, &system));
+    swb_system_free(system);
+    swb_scene_free(read);
+    swb_expr_free(other);
+}
+
 /* A ball of height q above a floor, with restitution e. */
 static swb_system *ball(double e)
 {
@@ -26,6 +55,7 @@ static swb_system *ball(double e)
     CHECK(system == NULL);
     CHECK_OK(swb_scene_build(scene, graph));
     CHECK_OK(swb_scene_system(scene, &system));
+    read_back(scene, graph);
     swb_scene_free(scene);
     swb_expr_free(graph);
     return system;

@@ -719,6 +719,25 @@ public:
         check(swb_scene_build(scene_.get(), graph_.get()));
         return text([&](char *b, int64_t n, int64_t *needed) { return swb_scene_report(scene_.get(), json ? 1 : 0, b, n, needed); });
     }
+    /// It as a document.
+    std::string to_json() const {
+        return text([&](char *b, int64_t n, int64_t *needed) { return swb_scene_to_json(scene_.get(), graph_.get(), b, n, needed); });
+    }
+    /// The system of a scene or a projected system in a document; functions that it calls are supplied, and found by name.
+    static System system_from_json(const std::string &document, const std::vector<const Function *> &functions = {}) {
+        std::vector<const swb_function *> handles;
+        for (const Function *f : functions)
+            handles.push_back(f->get());
+        const Graph graph = new_graph();
+        swb_scene *made = nullptr;
+        check(swb_scene_from_json(graph.get(), document.c_str(), handles.data(), static_cast<int64_t>(handles.size()), nullptr, 0,
+                                  &made));
+        const Owner<swb_scene, swb_scene_free> owner(made);
+        check(swb_scene_build(made, graph.get()));
+        swb_system *s = nullptr;
+        check(swb_scene_system(made, &s));
+        return System(s);
+    }
 
 protected:
     using Words = std::vector<std::string>;

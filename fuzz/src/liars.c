@@ -11,7 +11,7 @@
 #include "cases.h"
 #include "problems.h"
 
-enum { LUCKS = 64, LONGEST = 1 << 14, DAMAGES = 8, N_DOCUMENTS = 3 };
+enum { LUCKS = 64, LONGEST = 1 << 14, DAMAGES = 8, N_DOCUMENTS = 5 };
 
 /* --- functions --- */
 
@@ -83,6 +83,31 @@ static int library(int64_t number)
 
 static char documents[N_DOCUMENTS][LONGEST];
 
+/* A ball that bounces, as a scene and in an optimal control problem. */
+static void write_scenes(void)
+{
+    static const double numbers[2] = {-9.81, 0.5};
+    int64_t x[2], u, c[2], force;
+    swb_expr *graph = NULL;
+    swb_scene *scene = NULL;
+    swb_ocp *ocp = NULL;
+    MUST(swb_expr_create(&graph));
+    MUST(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 2));
+    MUST(swb_expr_inputs(graph, SWB_INPUT_U, 0, &u, 1));
+    MUST(swb_expr_constants(graph, numbers, 2, c, 2));
+    MUST(swb_expr_apply(graph, SWB_OPERATOR_ADD, &c[0], &u, NULL, &force, 1));
+    MUST(swb_scene_create("ball", 1, 1, 1, 0, "y\nv\npush", &scene));
+    MUST(swb_scene_set_force(scene, graph, &force, 1));
+    MUST(swb_scene_add_contact(scene, graph, "floor", x[0], NULL, 0, -1, c[1], NULL));
+    MUST(swb_scene_to_json(scene, graph, documents[3], LONGEST, NULL));
+    MUST(swb_scene_build(scene, graph));
+    MUST(swb_ocp_create_scene(scene, 1.0, 2, NULL, &ocp));
+    MUST(swb_ocp_to_json(ocp, documents[4], LONGEST, NULL));
+    swb_ocp_free(ocp);
+    swb_scene_free(scene);
+    swb_expr_free(graph);
+}
+
 static void write_documents(void)
 {
     swb_expr *graph = NULL;
@@ -105,6 +130,7 @@ static void write_documents(void)
     swb_function_free(cost);
     swb_model_free(model);
     swb_expr_free(graph);
+    write_scenes();
 }
 
 /* The text with damage number `how` at byte `at`. */
@@ -142,6 +168,15 @@ static int document(int64_t number)
         swb_simulator *sim = NULL;
         status = swb_simulator_from_json(text, NULL, 0, NULL, NULL, &sim);
         swb_simulator_free(sim);
+    } else if (which == 3) {
+        swb_expr *graph = NULL;
+        swb_scene *scene = NULL;
+        MUST(swb_expr_create(&graph));
+        status = swb_scene_from_json(graph, text, NULL, 0, NULL, 0, &scene);
+        if (status == SWB_OK)
+            status = swb_scene_build(scene, graph);
+        swb_scene_free(scene);
+        swb_expr_free(graph);
     } else {
         swb_ocp *ocp = NULL;
         status = swb_ocp_from_json(text, NULL, 0, &ocp);

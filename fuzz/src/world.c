@@ -78,6 +78,13 @@ static swb_status write_model(void *model, char *text, int64_t n, int64_t *neede
     return swb_model_to_json(model, text, n, needed);
 }
 
+static swb_expr *graph_written;
+
+static swb_status write_scene(void *scene, char *text, int64_t n, int64_t *needed)
+{
+    return swb_scene_to_json(scene, graph_written, text, n, needed);
+}
+
 static swb_status write_simulator(void *sim, char *text, int64_t n, int64_t *needed)
 {
     return swb_simulator_to_json(sim, 1.0, 4, text, n, needed);
@@ -422,6 +429,12 @@ static void block(const swb_settings *s)
     if (!DO(swb_scene_build, scene, graph))
         return;
     DO(swb_scene_report, scene, 1, text, sizeof text, NULL);
+    graph_written = graph;
+    char *saved = document_of(write_scene, scene);
+    swb_scene *again = NULL;
+    if (saved && DO(swb_scene_from_json, graph, saved, NULL, 0, NULL, 0, &again))
+        pool_add(T_swb_scene, again);
+    free(saved);
     controlled_block(scene, s, start);
     if (!DO(swb_scene_system, scene, &system))
         return;

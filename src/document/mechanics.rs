@@ -245,7 +245,9 @@ impl SavedMechanics {
         let bounds: Vec<Option<(f64, f64)>> =
             self.bounds.iter().map(|b| b.map(|[low, high]| (low.value(), high.value()))).collect();
         if !bounds.is_empty() && bounds.len() != n_bounded || bounds.iter().flatten().any(|(low, high)| low > high) {
-            return Err(Error::Range(format!("the bounds of {n_bounded} coordinates are an interval for each, or none")));
+            return Err(Error::Range(format!(
+                "the bounds of {n_bounded} coordinates are an interval for each, or none"
+            )));
         }
         let elements = match &self.elements {
             Some(p) => Some(Projection {

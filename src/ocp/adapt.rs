@@ -98,7 +98,10 @@ impl Ocp {
         (self.built, self.engine) = (aside.or(work.built), work.engine);
         self.builds += work.builds;
         end?;
-        let Rounds { mut story, spent, time_build, best: Some(Kept { mut result, transitions, .. }), cut_short, .. } = rounds else {
+        let Rounds {
+            mut story, spent, time_build, best: Some(Kept { mut result, transitions, .. }), cut_short, ..
+        } = rounds
+        else {
             return Err(Error::Internal("no round of the adaptation ended".into()));
         };
         self.transitions = transitions;

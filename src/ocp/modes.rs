@@ -51,9 +51,16 @@ impl ModeSequence {
                 self.cells.len()
             )));
         }
-        finite("time of a transition", &self.transitions.iter().map(|t| t.t).collect::<Vec<_>>(), self.transitions.len())?;
+        finite(
+            "time of a transition",
+            &self.transitions.iter().map(|t| t.t).collect::<Vec<_>>(),
+            self.transitions.len(),
+        )?;
         if let Some(k) = self.transitions.windows(2).position(|t| t[0].stage > t[1].stage) {
-            return Err(Error::Range(format!("transition {} of the sequence is in an earlier stage than the one before", k + 1)));
+            return Err(Error::Range(format!(
+                "transition {} of the sequence is in an earlier stage than the one before",
+                k + 1
+            )));
         }
         Ok(())
     }
@@ -63,7 +70,8 @@ impl ModeSequence {
         let n = self.times.len();
         let (n_modes, n_cells) = (self.modes.len() / n, self.cells.len() / n);
         let mut part = ModeSequence::default();
-        let holds = |k: usize| (self.times[k] < to || self.times[k] <= from) && self.times.get(k + 1).is_none_or(|t| *t > from);
+        let holds =
+            |k: usize| (self.times[k] < to || self.times[k] <= from) && self.times.get(k + 1).is_none_or(|t| *t > from);
         for k in (0..n).filter(|&k| holds(k)) {
             part.times.push(if part.times.is_empty() { 0.0 } else { self.times[k] - from });
             part.modes.extend_from_slice(&self.modes[k * n_modes..(k + 1) * n_modes]);

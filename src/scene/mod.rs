@@ -41,8 +41,8 @@ use std::sync::Arc;
 
 pub use embedded::{embedding_of, expressions_of, saved_expressions, Embedding};
 pub use parts::{ContactEquations, Equations, Sliding};
-pub use saved::SavedScene;
 pub use report::{ContactReport, Dropped, Report};
+pub use saved::SavedScene;
 
 use self::shape::{Excerpt, Flaw, Frame, Parts, Places, Shape};
 use crate::error::{Error, Result};

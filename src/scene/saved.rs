@@ -183,7 +183,11 @@ impl SavedScene {
         let all = |list: &[usize]| list.iter().map(|&k| root(k)).collect::<Result<Vec<Id>>>();
         let maybe = |k: Option<usize>| k.map(root).transpose();
         let mut s = match self.projected {
-            true if self.coordinates > 0 || !self.states.is_empty() || self.rates.is_some() || self.inertia.is_some() => {
+            true if self.coordinates > 0
+                || !self.states.is_empty()
+                || self.rates.is_some()
+                || self.inertia.is_some() =>
+            {
                 return Err(Error::Range(
                     "a projected system has no coordinates, no rates, no inertia and no states beside its own".into(),
                 ))

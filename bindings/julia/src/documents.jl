@@ -2,6 +2,7 @@
 
 """
     to_json(model)
+    to_json(scene)
     to_json(ocp)
     to_json(simulator, duration, n_steps)
     to_json(settings)
@@ -9,6 +10,7 @@
 An object as a document in JSON. Functions that are not made of expressions are named only; `from_json` needs them again.
 """
 to_json(m::Model) = (made = built(m); text(Lib.swb_model_to_json, made))
+to_json(s::AnyScene) = text(Lib.swb_scene_to_json, s, s.graph)
 to_json(o::Ocp) = text(Lib.swb_ocp_to_json, o)
 to_json(s::Simulator, duration, n_steps) =
     (span = number(duration, "duration"); k = integer(n_steps, "n_steps");

@@ -130,7 +130,12 @@ pub unsafe extern "C" fn swb_ocp_get_mode_transitions(
             raw::check_slice(stage, n, all.len(), "stage")?;
             raw::check_slice(at_once, n, all.len(), "at_once")?;
             raw::write_slice(t, n, &all.iter().map(|a| a.t).collect::<Vec<_>>(), "t")?;
-            raw::write_slice(transition, n, &all.iter().map(|a| a.transition as i64).collect::<Vec<_>>(), "transition")?;
+            raw::write_slice(
+                transition,
+                n,
+                &all.iter().map(|a| a.transition as i64).collect::<Vec<_>>(),
+                "transition",
+            )?;
             raw::write_slice(stage, n, &all.iter().map(|a| a.stage as i64).collect::<Vec<_>>(), "stage")?;
             raw::write_slice(at_once, n, &numbers(&all.iter().map(|a| a.at_once).collect::<Vec<_>>()), "at_once")
         })
@@ -165,7 +170,8 @@ pub unsafe extern "C" fn swb_ocp_set_mode_transitions(
             all.push(TransitionAt { t, transition, stage, at_once: at_once[k] });
         }
         change(ocp, |o| {
-            let given = o.modes().ok_or_else(|| Error::State("no modes are given: call swb_ocp_set_modes first".into()))?;
+            let given =
+                o.modes().ok_or_else(|| Error::State("no modes are given: call swb_ocp_set_modes first".into()))?;
             o.set_modes(Some(ModeSequence { transitions: all, ..given.clone() }))
         })
     })

@@ -29,8 +29,7 @@ impl Kept {
     /// Calls `body` with the program at its solution; `whole` is the problem as it was solved.
     fn with<R>(&self, whole: &Ocp, body: impl FnOnce(&mut Program, &mut Assembled) -> Result<R>) -> Result<R> {
         let automaton = Automaton::new(&whole.system, &whole.x0_bounds[0], &whole.x_bounds);
-        let mut program =
-            Program::new(whole, &automaton, &self.sequence, &self.guess, &self.sizes, &self.request)?;
+        let mut program = Program::new(whole, &automaton, &self.sequence, &self.guess, &self.sizes, &self.request)?;
         program.built.iter_mut().zip(&self.exits).for_each(|(b, exit)| b.problem.set_exit(*exit));
         let mut all = program.assemble(&self.request)?;
         all.solver.restore(&self.solution);

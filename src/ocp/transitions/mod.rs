@@ -298,7 +298,8 @@ impl Ocp {
         let measured = accuracy::measure(&mut engine, &answer).and_then(|mut found| {
             if c.by_stage {
                 let each = answer.by_stage();
-                let stages = each.iter().map(|a| accuracy::measure(&mut engine, a)).collect::<Result<Vec<Accuracy>>>()?;
+                let stages =
+                    each.iter().map(|a| accuracy::measure(&mut engine, a)).collect::<Result<Vec<Accuracy>>>()?;
                 found.take_stages(&stages);
             }
             Ok(found)
