@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use switchback::document::{read, write_model, write_ocp, write_simulation, Document, Simulation};
+use switchback::document::{read, write_model, write_ocp, write_scene, write_simulation, Document, Simulation};
 use switchback::error::{Error, Result};
 use switchback::event::{Engine, Options};
 use switchback::expr::{Dag, Expr, Graph, Piecewise};
@@ -11,9 +11,10 @@ use switchback::func::{Callback, Dims, Function, Point};
 use switchback::model::{Built, Model, Names, Transition, Trial};
 use switchback::nlp::{Control, Outcome};
 use switchback::ocp::{CostAt, Durations, Norm, Ocp};
+use switchback::scene::{Contact, Friction, SavedScene, Scene};
 use switchback::settings::{InitialGuess, Settings};
 use switchback::sim::Simulator;
-use switchback::system::{Direction, ImpactLaw, Inclusion, Inertia, Mechanics, Order, Rule, SetValued, System};
+use switchback::system::{Direction, Effect, ImpactLaw, Inclusion, Rule, SetValued, System};
 
 #[path = "../examples/report/expression_models.rs"]
 mod expression_models;
@@ -415,38 +416,65 @@ fn transitions_that_make_no_sense_are_refused_in_words() {
     assert!(said.contains("the resets: 8192 times 16384 entries"), "{said}");
 }
 
+/// A block that slides over a rough floor on a cart, with a lamp that is switched on where it passes.
+fn block(g: &Graph) -> Scene {
+    let (x, y, vx) = (g.x(0), g.x(1), g.x(2));
+    let mut s = Scene::new("block", 2, 2, 1, 1).unwrap();
+    s.set_inertia(
+        &[g.constant(2.0) + 0.1 * x.sin(), g.constant(0.0), g.constant(0.0), g.constant(1.5)].map(|e| e.id()),
+    )
+    .unwrap();
+    let lamp = s.add_discrete("lamp", 0.0).unwrap();
+    s.set_force(0, (g.u(0) - 0.2 * (vx - 0.4).sign() + 0.1 * g.x(lamp)).id()).unwrap();
+    s.set_force(1, g.constant(-9.81).id()).unwrap();
+    let floor = Contact { tangents: vec![x.id()], friction: g.p(0).id(), ..Contact::new(g, "floor", y) };
+    let k = s.add_contact(floor).unwrap();
+    s.set_stiction(k, (1.25 * g.p(0)).id()).unwrap();
+    s.add_contact(Contact { restitution: g.constant(0.5).id(), ..Contact::new(g, "wall", 1.0 - x) }).unwrap();
+    s.add_friction(Friction::new("joint", x, g.constant(0.05))).unwrap();
+    s.set_law(ImpactLaw::Sequential);
+    s.set_bounds(1, -1.0, INF).unwrap();
+    s.add_transition(Transition {
+        to: vec![(lamp, 1.0)],
+        from: vec![(lamp, 0.0)],
+        ..Transition::event("on", Effect::Jump, (x - 0.3).id())
+    })
+    .unwrap();
+    s
+}
+
+const INF: f64 = f64::INFINITY;
+
+/// What a simulation of the block says, to the last bit.
+fn slide(system: &System) -> Vec<u64> {
+    let mut e =
+        Engine::new(system, &Options { sensitivity: true.into(), ..Options::with_tolerance(1e-10, 1e-10) }).unwrap();
+    e.reinit(0.0, &[0.0, 0.2, 0.6, 0.0, 0.0]).unwrap();
+    e.set_params(&[0.1]).unwrap();
+    e.set_controls(&[2.6]).unwrap();
+    e.advance(2.0).unwrap();
+    assert!(!e.jumps().is_empty());
+    e.state().iter().chain(e.sensitivity().unwrap()).map(|v| v.to_bits()).collect()
+}
+
 #[test]
-fn contacts_are_no_part_of_documents_yet() {
+fn a_scene_and_problems_of_its_system_return_and_move_alike_to_the_last_bit() {
     let g = Graph::new();
-    let smooth = Arc::new(g.function("fall", Dims { x: 2, u: 0, p: 0 }, &[g.x(1), g.constant(-9.81)]).unwrap());
-    let (inertia, law) = (Inertia::Identity, ImpactLaw::Newton);
-    let (order, contacts, bounds) = (Order::Second, vec![], vec![]);
-    let mechanics = Mechanics {
-        order,
-        n_q: 1,
-        n_v: 1,
-        n_z: 0,
-        n_switches: 0,
-        products: Vec::new(),
-        smooth,
-        inertia,
-        contacts,
-        law,
-        bounds,
-        projection: None,
-    };
-    let s = Simulation {
-        system: System::of_mechanics(mechanics, 0, 0).unwrap(),
-        settings: Settings::default(),
-        t0: 0.0,
-        x0: vec![1.0, 0.0],
-        u: vec![],
-        p: vec![],
-        duration: 1.0,
-        n_steps: 1,
-    };
-    let e = write_simulation(&s).unwrap_err();
-    assert!(matches!(e, Error::Unsupported(_)) && e.to_string().contains("contacts"), "{e}");
+    let scene = block(&g);
+    let built = scene.build(&g).unwrap();
+    let text = write_scene(&SavedScene::new(&scene, &g.dag()).unwrap()).unwrap();
+    let Document::Scene(saved) = read(&text, &[]).unwrap() else { panic!("no scene") };
+    let mut dag = Dag::new();
+    let again = saved.restore(&mut dag, &[]).unwrap();
+    assert_eq!(again.expressions().len(), scene.expressions().len());
+    let first = slide(&built.system);
+    assert_eq!(slide(&again.build_in(&mut dag).unwrap().system), first);
+    // the system alone, in a simulation
+    let system = built.system.clone();
+    let (settings, x0) = (Settings::default(), vec![0.0; 5]);
+    let s = Simulation { system, settings, t0: 0.0, x0, u: vec![0.0], p: vec![0.1], duration: 1.0, n_steps: 1 };
+    let Document::Simulation(s) = read(&write_simulation(&s).unwrap(), &[]).unwrap() else { panic!("no simulation") };
+    assert_eq!(slide(&s.system), first);
 }
 
 fn drag(name: &str, n_out: usize) -> Arc<dyn Function> {
@@ -632,11 +660,19 @@ fn sizes_of_problems_are_judged_before_anything_is_allocated() {
 fn damaged_documents_end_with_an_error_or_an_object() {
     let ocp = problem();
     let texts = [rich(), cart()].map(|b| write_model(b.source().unwrap()).unwrap());
-    let texts = [&texts[0], &texts[1], &write_ocp(&ocp, ocp.settings()).unwrap()];
+    let g = Graph::new();
+    let scene = write_scene(&SavedScene::new(&block(&g), &g.dag()).unwrap()).unwrap();
+    let steered = Ocp::new(&block(&g).build(&g).unwrap().system, 1.0, 2, &Settings::default()).unwrap();
+    let steered = write_ocp(&steered, steered.settings()).unwrap();
+    let texts = [&texts[0], &texts[1], &write_ocp(&ocp, ocp.settings()).unwrap(), &scene, &steered];
     let try_it = |text: &str| match read(text, &[]) {
         Ok(Document::Model(m)) => {
             let mut dag = Dag::new();
             m.restore(&mut dag, &[]).and_then(|m| m.build_in(&mut dag)).is_ok()
+        }
+        Ok(Document::Scene(s)) => {
+            let mut dag = Dag::new();
+            s.restore(&mut dag, &[]).and_then(|s| s.build_in(&mut dag)).is_ok()
         }
         Ok(_) => true,
         Err(e) => {
