@@ -77,7 +77,6 @@ def test_limits_of_contacts():
     s.contact("floor", gap=s.q[0], e=0.5)
     refused(lambda: s.simulate([-1.0], [0.0], 1.0), swb.SwitchbackError)
     refused(lambda: swb.simulate_fesd(s.system(), [1.0, 0.0], 1.0, 10), swb.SwitchbackError)
-    refused(lambda: swb.Ocp(s, 1.0, 4, initial_state=[1.0, 0.0]).to_json(), swb.SwitchbackError)
     f = swb.Scene("x y", u="u")
     f.force([f.u[0], -9.81])
     f.contact("floor", gap=f.q[1], tangents=[f.q[0]], mu=0.5, e=0.5)
