@@ -271,15 +271,15 @@ enum SavedJumps {
 }
 
 impl SavedJumps {
-    fn of(method: Jumps) -> Result<Option<SavedJumps>> {
-        Ok(Some(match method {
-            Jumps::Auto => return Ok(None),
+    fn of(method: Jumps) -> Option<SavedJumps> {
+        Some(match method {
+            Jumps::Auto => return None,
             Jumps::Modes => SavedJumps::Modes,
             Jumps::FesdJ => SavedJumps::FesdJ,
             Jumps::Steps => SavedJumps::Steps,
             Jumps::Shots => SavedJumps::Shots,
             Jumps::Freezing => SavedJumps::Freezing,
-        }))
+        })
     }
 
     fn method(self) -> Jumps {
@@ -341,6 +341,11 @@ pub(super) struct SavedOcp {
 
 impl SavedOcp {
     pub(super) fn new(s: &Statement, settings: &Settings) -> Result<SavedOcp> {
+        if s.gives_contacts {
+            return Err(Error::Unsupported(
+                "an order of contacts that is given has no form as a document: take it back first (set_contact_sequence)".into(),
+            ));
+        }
         let interval = |b: &[Vec<f64>; 2]| Interval::new(&b[0], &b[1]);
         let constraint = |at, f, lower: &[f64], upper: &[f64], relaxed| -> Result<SavedConstraint> {
             Ok(SavedConstraint { at, f: SavedFunction::new(f)?, bounds: Interval::new(lower, upper), relaxed })
@@ -394,7 +399,7 @@ impl SavedOcp {
         });
         Ok(SavedOcp {
             system: SavedSystem::new(s.simulated)?,
-            jumps: SavedJumps::of(s.jumps)?,
+            jumps: SavedJumps::of(s.jumps),
             settings: SavedSettings::new(settings)?,
             horizon: s.horizon,
             n_stages: s.n_stages,

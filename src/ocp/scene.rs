@@ -40,6 +40,11 @@ impl SceneControl {
         self.method
     }
 
+    /// Are modes and jumps given to start from?
+    pub(super) fn gives_sequence(&self) -> bool {
+        self.sequence.is_some()
+    }
+
     /// The same without answers.
     pub(super) fn blank(&self) -> SceneControl {
         SceneControl { method: self.method, sequence: self.sequence.clone(), last: None }

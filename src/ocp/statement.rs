@@ -15,6 +15,8 @@ pub struct Statement<'a> {
     /// The system as events follow it: another one than that of the finite elements where it is projected.
     pub simulated: &'a System,
     pub jumps: Jumps,
+    /// Is an order of contacts given to start from?
+    pub gives_contacts: bool,
     pub settings: &'a Settings,
     pub horizon: f64,
     pub n_stages: usize,
@@ -119,6 +121,7 @@ impl Ocp {
             system,
             simulated: projected.as_ref().unwrap_or(system),
             jumps: scene.method(),
+            gives_contacts: scene.gives_sequence(),
             settings,
             horizon: *horizon,
             n_stages: *n_stages,
