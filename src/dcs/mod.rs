@@ -106,7 +106,7 @@ impl Dcs {
         if system.on_demand().is_none() {
             return Dcs::stewart(system);
         }
-        system.validate()?;
+        system.validate_for_events()?;
         Ok(Dcs {
             dims: system.dims(),
             clock: false,

@@ -64,7 +64,7 @@ impl Batch {
     /// # Errors
     /// Those of [`System::validate`] and [`Engine::new`].
     pub fn new(system: System, settings: &Settings, interrupt: &Arc<AtomicBool>) -> Result<Batch> {
-        system.validate()?;
+        system.validate_for_events()?;
         let n_modes = modes_of(&system);
         let options = Options { preferred: vec![Vec::new(); n_modes.len()], ..Options::from(settings) };
         Engine::new(&system, &options)?;

@@ -101,7 +101,7 @@ impl Integrator {
     /// # Errors
     /// Those of [`System::validate`] and [`Engine::new`].
     pub fn new(system: System, settings: Settings, interrupt: &Arc<AtomicBool>) -> Result<Integrator> {
-        system.validate()?;
+        system.validate_for_events()?;
         let d = system.dims();
         let n_modes = modes_of(&system);
         let preferred = vec![Vec::new(); n_modes.len()];

@@ -24,6 +24,7 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use super::held::{are_one, bends_of, flows, By, Flow, Held, Taken};
+use super::steps::{held_by, of_fewer, of_weights, signs_of_step};
 use super::{Regions, SharedFunction, System};
 use crate::error::{Error, Result};
 use crate::func::{Dims, EvalError, EvalResult, Point};
@@ -155,10 +156,13 @@ impl Part {
     }
 }
 
-/// A subsystem that switches inside of the equations.
+/// A subsystem that switches inside of the equations, or a step of an inclusion.
 pub(super) struct Loop {
-    /// Its place in the system.
+    /// Its place in the system; steps of inclusions stand behind all subsystems.
     pub(super) subsystem: usize,
+    /// A step, whose weight is an argument of functions: the inclusion and its number there. It is the number of its mode, or found where its
+    /// surface is held.
+    pub(super) step: Option<(usize, usize)>,
     pub(super) n_modes: usize,
     regions: Regions,
     /// Surfaces that may be held: mode `n_modes + i` holds the one of entry `i`. Its weight is this one of all, if there are any.
@@ -224,8 +228,22 @@ impl Loop {
 }
 
 impl Loop {
+    /// Its weight in one of its own modes.
+    pub(super) fn weight_in(&self, mode: usize) -> f64 {
+        if self.step.is_some() {
+            mode as f64
+        } else {
+            0.0
+        }
+    }
+
     /// The surfaces that two modes are apart by, and that may be held.
     fn surfaces(&self, system: &System, known: &[bool]) -> Vec<Held> {
+        if let Some(step) = self.step {
+            let by = held_by(system, step, known);
+            let terms: Vec<(usize, f64)> = self.exits(0).into_iter().flat_map(|e| e.0).collect();
+            return by.map(|by| Held { low: 0, high: 1, terms, by }).into_iter().collect();
+        }
         let (s, psi, z) = (&system.subsystems[self.subsystem], self.functions(), system.algebraic_states());
         let mut all: Vec<Held> = Vec::new();
         for low in 0..self.n_modes {
@@ -303,6 +321,8 @@ pub(crate) struct Algebraic {
     /// Entries of the Jacobian in the equation of every weight: column, place.
     rows_of_weights: Vec<Vec<(usize, usize)>>,
     n_weights: usize,
+    /// The functions of the inclusions, of the states and all weights.
+    pub(super) inclusions: Vec<SharedFunction>,
     /// The Jacobian is the same everywhere.
     pub(super) affine: bool,
     solver: Mutex<Solver>,
@@ -339,6 +359,8 @@ pub(super) struct Solver {
     pub(super) work: Vec<f64>,
     /// Weights where functions are evaluated, and room for the equations of weights: derivatives of the states, of a surface, and of such an equation by all it depends on.
     pub(super) w: Vec<f64>,
+    /// The states, and the weights behind them, where functions are evaluated.
+    pub(super) whole: Vec<f64>,
     pub(super) rate: Vec<f64>,
     pub(super) gradient: Vec<f64>,
     pub(super) row: Vec<f64>,
@@ -347,8 +369,19 @@ pub(super) struct Solver {
     guess: Guess,
 }
 
+impl Solver {
+    /// The states of a point and the present weights behind them; give it back.
+    pub(super) fn whole(&mut self, at: &Point) -> Vec<f64> {
+        let mut whole = std::mem::take(&mut self.whole);
+        whole.clear();
+        whole.extend_from_slice(at.x);
+        whole.extend_from_slice(&self.w);
+        whole
+    }
+}
+
 impl Algebraic {
-    /// Of a system with algebraic states.
+    /// Of a system with algebraic states or inclusions.
     ///
     /// # Errors
     /// [`Error::State`] where an equation contains none of the states.
@@ -362,6 +395,9 @@ impl Algebraic {
         if let Some(f) = &system.f0 {
             add(f, z.clone(), (0..nz).collect(), None);
         }
+        if let Some(m) = &system.mechanics {
+            add(&of_fewer(&m.smooth, dims), z.clone(), (0..nz).collect(), None);
+        }
         if let Some(f) = &system.algebraic {
             add(f, 0..nz, (0..nz).collect(), None);
         }
@@ -371,6 +407,7 @@ impl Algebraic {
             if s.n_modes > 1 {
                 loops.push(Loop {
                     subsystem: k,
+                    step: None,
                     n_modes: s.n_modes,
                     regions: s.regions.clone(),
                     held: Vec::new(),
@@ -382,12 +419,41 @@ impl Algebraic {
             }
         }
         let loop_of = |k: usize| loops.iter().position(|l| l.subsystem == k);
-        let (flows, driven, known) = flows(system, &loop_of);
+        let (mut flows, mut driven, known) = flows(system, &loop_of);
+        let n_subsystems = system.subsystems.len();
+        for (k, i) in system.inclusions.iter().enumerate() {
+            let n = i.psi.n_out();
+            let steps = (0..n).map(|j| Loop {
+                subsystem: n_subsystems + loops.iter().filter(|l| l.step.is_some()).count() + j,
+                step: Some((k, j)),
+                n_modes: 2,
+                regions: Regions::Signs { psi: i.psi.clone(), signs: signs_of_step(n, j) },
+                held: Vec::new(),
+                weight: None,
+            });
+            let steps: Vec<Loop> = steps.collect();
+            loops.extend(steps);
+        }
         let mut n_weights = 0;
         for l in &mut loops {
             l.held = l.surfaces(system, &known);
-            l.weight = (!l.held.is_empty()).then_some(n_weights);
+            l.weight = (l.step.is_some() || !l.held.is_empty()).then_some(n_weights);
             n_weights += usize::from(l.weight.is_some());
+        }
+        let mut inclusions = Vec::with_capacity(system.inclusions.len());
+        for (k, i) in system.inclusions.iter().enumerate() {
+            let first = loops.iter().find(|l| l.step == Some((k, 0))).and_then(|l| l.weight).unwrap_or(n_weights);
+            let f = of_weights(&i.f, dims, (first, n_weights));
+            let rows = i.rows.iter().copied().enumerate();
+            for (o, r) in rows.clone().filter(|r| z.contains(&r.1)) {
+                add(&f, o..o + 1, vec![r - nd], None);
+            }
+            let rows: Vec<(usize, usize)> = rows.filter(|r| !z.contains(&r.1)).collect();
+            rows.iter().for_each(|r| driven[r.1] = true);
+            if !rows.is_empty() {
+                flows.push(Flow { f: f.clone(), rows, switched: None });
+            }
+            inclusions.push(f);
         }
         let mut all = Algebraic {
             dims,
@@ -401,6 +467,7 @@ impl Algebraic {
             driven,
             rows_of_weights: Vec::new(),
             n_weights,
+            inclusions,
             affine: false,
             solver: Mutex::new(Solver::default()),
         };
@@ -418,7 +485,7 @@ impl Algebraic {
                 for e in entries {
                     if let Some(r) = p.equation(p.f.jac_pattern().row_idx()[e]) {
                         rows.push(r);
-                        cols.push(c);
+                        cols.push(self.input_of(&p.f, c));
                     }
                 }
             }
@@ -474,6 +541,7 @@ impl Algebraic {
             work: vec![0.0; work],
             column: vec![0.0; nu],
             w: vec![0.0; self.n_weights],
+            whole: Vec::with_capacity(dims.x + self.n_weights),
             rate: vec![0.0; dims.x],
             gradient: vec![0.0; dims.n_in()],
             row: vec![0.0; n_columns],
@@ -481,6 +549,20 @@ impl Algebraic {
         };
         (self.jac, self.solver) = (jac, Mutex::new(solver));
         Ok(())
+    }
+
+    /// The input of the system that column `c` of a function is; weights stand behind the inputs, and parameters that the system has not behind
+    /// those.
+    pub(super) fn input_of(&self, f: &SharedFunction, c: usize) -> usize {
+        let (own, all) = (f.dims(), self.dims);
+        let behind = own.x - all.x;
+        match c {
+            c if c < all.x => c,
+            c if c < own.x => all.n_in() + c - all.x,
+            c if c + 1 == own.n_in() => all.n_in() - 1,
+            c if c < own.x + all.u + all.p => c - behind,
+            c => all.n_in() + self.n_weights + c - (own.x + all.u + all.p),
+        }
     }
 
     /// Weights that may be unknown.
@@ -559,8 +641,9 @@ impl Algebraic {
         let start = x.to_vec();
         let first = self.dims.x + self.loops.len();
         let weight = self.loops[k].weight;
-        if let Some(w) = weight.filter(|_| self.mode_at(k, x[self.dims.x + k]) < self.loops[k].n_modes) {
-            x[first + w] = 0.0;
+        let now = self.mode_at(k, x[self.dims.x + k]);
+        if let Some(w) = weight.filter(|_| now < self.loops[k].n_modes) {
+            x[first + w] = self.loops[k].weight_in(now);
         }
         let crossed = self.solve(t, x, u, p, Guess::Jump);
         if weight.is_none() || before >= self.loops[k].n_modes {
@@ -645,7 +728,7 @@ impl Algebraic {
         let l = &self.loops[k];
         x[self.dims.x + k] = mode as f64;
         if let Some(w) = l.weight {
-            x[self.dims.x + self.loops.len() + w] = if mode < l.n_modes { 0.0 } else { 0.5 };
+            x[self.dims.x + self.loops.len() + w] = if mode < l.n_modes { l.weight_in(mode) } else { 0.5 };
         }
     }
 
@@ -785,7 +868,9 @@ impl Algebraic {
 
     fn residuals_at(&self, s: &mut Solver, at: &Point) -> EvalResult {
         s.h.fill(0.0);
+        let whole = s.whole(at);
         for p in &self.parts {
+            let at = &Point { x: &whole[..p.f.dims().x], ..*at };
             let (taken, n) = self.taken_in(s, p);
             for (mode, weight, _) in &taken[..n] {
                 let outputs = p.outputs(*mode);
@@ -793,6 +878,7 @@ impl Algebraic {
                 outputs.zip(&p.equations).for_each(|(o, e)| s.h[*e] += weight * s.buffer[o]);
             }
         }
+        s.whole = whole;
         for (k, w) in self.weighted() {
             s.h[self.z.len() + w] = self.weight_residual(s, k, at)?;
         }
@@ -802,7 +888,9 @@ impl Algebraic {
     /// Jacobian at a point to `jac`.
     fn jacobian_at(&self, s: &mut Solver, at: &Point) -> EvalResult {
         s.jac.fill(0.0);
+        let whole = s.whole(at);
         for p in &self.parts {
+            let at = &Point { x: &whole[..p.f.dims().x], ..*at };
             let (taken, n) = self.taken_in(s, p);
             for (mode, weight, slope) in &taken[..n] {
                 let outputs = p.outputs(*mode);
@@ -819,6 +907,7 @@ impl Algebraic {
                 }
             }
         }
+        s.whole = whole;
         for (k, w) in self.weighted() {
             self.weight_row(s, k, at)?;
             self.rows_of_weights[w].iter().for_each(|(c, to)| s.jac[*to] = s.row[*c]);
@@ -1063,7 +1152,7 @@ impl Algebraic {
     /// The unknown that stands at an input of the whole system, or is a weight behind them.
     pub(super) fn unknown(&self, input: usize) -> Option<usize> {
         match input.checked_sub(self.dims.n_in()) {
-            Some(w) => Some(self.z.len() + w),
+            Some(w) => (w < self.n_weights).then_some(self.z.len() + w),
             None => self.z.contains(&input).then(|| input - self.z.start),
         }
     }
@@ -1088,16 +1177,20 @@ impl Algebraic {
         multipliers: &[f64],
     ) -> std::result::Result<Vec<(usize, usize, f64)>, EvalError> {
         let mut out = Vec::new();
+        let whole = s.whole(at);
         for p in &self.parts {
+            let at = &Point { x: &whole[..p.f.dims().x], ..*at };
             let (taken, n) = self.taken_in(s, p);
             let column = p.of_loop().and_then(|k| self.loops[k].weight).map(|w| self.dims.n_in() + w);
             for (mode, weight, slope) in &taken[..n] {
                 let mut own = vec![0.0; p.f.n_out()];
                 p.outputs(*mode).zip(&p.equations).for_each(|(o, e)| own[o] = multipliers[*e]);
                 let Solver { buffer, other, work, .. } = s;
-                bends_of((&p.f, at), &own, (*weight, *slope, column), (buffer, other, work), &mut out)?;
+                let input = |c: usize| self.input_of(&p.f, c);
+                bends_of((&p.f, at, &input), &own, (*weight, *slope, column), (buffer, other, work), &mut out)?;
             }
         }
+        s.whole = whole;
         for (k, w) in self.weighted() {
             self.weight_bends(s, k, at, multipliers[self.z.len() + w], &mut out)?;
         }

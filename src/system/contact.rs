@@ -405,6 +405,14 @@ impl System {
         let Some(m) = self.mechanics.as_ref().filter(|m| m.order == Order::First) else {
             return Ok(Cow::Borrowed(self));
         };
+        self.check_alone()?;
+        if !self.transitions.is_empty() {
+            return Err(Error::Unsupported(
+                "finite elements do not follow transitions (guards with resets or discrete states) of projected systems: simulate the \
+                 system event-driven"
+                    .into(),
+            ));
+        }
         m.check_contacts("finite elements")?;
         let Some(p) = &m.projection else {
             return Err(Error::Unsupported(
@@ -422,18 +430,24 @@ impl System {
         Ok(Cow::Owned(out))
     }
 
-    /// Contacts stand alone but for transitions: what else moves the velocities is part of `f_v`.
+    /// An error where something stands beside contacts that event-driven simulation alone follows.
     pub(super) fn check_alone(&self) -> Result<()> {
-        let more = self.f0.is_some() || self.n_z > 0 || self.algebraic.is_some();
-        if more || self.subsystems.len() + self.inclusions.len() > 0 {
+        if self.mechanics.is_some() && (self.n_z > 0 || self.algebraic.is_some() || !self.inclusions.is_empty()) {
             return Err(Error::Unsupported(
-                "a scene with contacts takes no f0, subsystems, inclusions or algebraic states beside it: write forces into \
-                 the scene"
+                "algebraic states and inclusions beside contacts are followed by events alone: simulate the system event-driven, or write \
+                 the scene without them"
                     .into(),
             ));
         }
-        if self.mechanics.as_ref().is_some_and(|m| m.order == Order::First) && !self.transitions.is_empty() {
-            return Err(Error::Unsupported("a projected system takes no transitions".into()));
+        Ok(())
+    }
+
+    /// An error where something beside contacts moves the states: that is part of `f_v`.
+    pub(super) fn check_no_flow_beside(&self) -> Result<()> {
+        if self.mechanics.is_some() && (self.f0.is_some() || !self.subsystems.is_empty()) {
+            return Err(Error::Unsupported(
+                "a scene with contacts takes no f0 and no subsystems beside it: write forces, and what switches in them, into the scene".into(),
+            ));
         }
         Ok(())
     }

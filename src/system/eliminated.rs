@@ -7,14 +7,14 @@ use super::algebraic::{Algebraic, Solver};
 use super::complementary::Combination;
 use super::held::{bends_of, Taken};
 use super::linear::states;
-use super::{Direction, Regions, Reset, Rule, SharedFunction, Subsystem, System, Transition};
+use super::{Direction, Regions, Reset, Rule, SetValued, SharedFunction, Subsystem, System, Transition};
 use crate::error::{Error, Result};
 use crate::func::{Dims, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
 
 /// What a function gives for the algebraic states.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum OwnRows {
+pub(super) enum OwnRows {
     /// Outputs like all others.
     Plain,
     /// Outputs that are equations: zero, as nothing moves these states.
@@ -24,10 +24,12 @@ enum OwnRows {
 }
 
 /// A function of the states with a derivative: the others are those that solve the equations.
-pub(crate) struct Eliminated {
+pub(super) struct Eliminated {
     f: SharedFunction,
     algebraic: Arc<Algebraic>,
     own: OwnRows,
+    /// Parameters behind those of the system.
+    more_p: usize,
     /// Where the outputs are those of one of several modes: the number of the subsystem, and outputs of a mode.
     switched: Option<(usize, usize)>,
     n_out: usize,
@@ -36,7 +38,7 @@ pub(crate) struct Eliminated {
     jac: Pattern,
     /// Where the entries of the Jacobian go that are not by algebraic states.
     direct: Vec<(usize, usize)>,
-    /// Entry, algebraic state, and where what comes by it goes, one place for each of its columns.
+    /// Entry, unknown (an algebraic state or a weight), and where what comes by it goes, one place for each of its columns.
     through: Vec<(usize, usize, Range<usize>)>,
     /// The weight of the modes among the unknowns, and where what comes by it in every output goes.
     by_weight: Option<(usize, Vec<Range<usize>>)>,
@@ -50,17 +52,21 @@ pub(crate) struct Eliminated {
 
 /// How the outputs of a function are taken.
 #[derive(Clone, Copy)]
-struct Outputs<'a> {
-    own: OwnRows,
+pub(super) struct Outputs<'a> {
+    pub(super) own: OwnRows,
     /// States of the outputs, where these have any.
-    rows: &'a [usize],
-    switched: Option<(usize, usize)>,
+    pub(super) rows: &'a [usize],
+    pub(super) switched: Option<(usize, usize)>,
     /// Outputs behind those of the function, which are zero.
-    more: usize,
+    pub(super) more: usize,
+    /// Parameters behind those of the system that the outer function takes; the function may take them, too.
+    pub(super) more_p: usize,
+    /// Are there no second derivatives?
+    pub(super) first_order: bool,
 }
 
 impl Eliminated {
-    fn function(f: &SharedFunction, algebraic: &Arc<Algebraic>, taken: Outputs) -> SharedFunction {
+    pub(super) fn function(f: &SharedFunction, algebraic: &Arc<Algebraic>, taken: Outputs) -> SharedFunction {
         let (a, p) = (algebraic, f.jac_pattern());
         let z = a.z.clone();
         let n = taken.switched.map_or(f.n_out(), |s| s.1);
@@ -68,10 +74,19 @@ impl Eliminated {
         if taken.own != OwnRows::Plain {
             is_own.iter_mut().zip(taken.rows).for_each(|(o, r)| *o = z.contains(r));
         }
-        let depends = z.clone().any(|c| !p.rows(c).is_empty());
-        if !depends && !is_own.contains(&true) && a.loops.is_empty() {
+        let unknown = |c: usize| a.unknown(a.input_of(f, c));
+        let depends = (0..p.n_cols()).any(|c| unknown(c).is_some() && !p.rows(c).is_empty());
+        let is_same = f.dims().p == a.dims.p + taken.more_p;
+        if !depends && !is_own.contains(&true) && a.loops.is_empty() && is_same {
             return f.clone();
         }
+        let outer = Dims { p: a.dims.p + taken.more_p, ..a.outer() };
+        let outer_input = |c: usize| match c.checked_sub(a.dims.n_in() + a.n_weights()) {
+            // a parameter that the system has not
+            Some(k) => outer.n_in() - 1 - taken.more_p + k,
+            None if c + 1 == a.dims.n_in() => outer.n_in() - 1,
+            None => a.outer_input(c),
+        };
         let (mut out_rows, mut out_cols) = (Vec::new(), Vec::new());
         let (mut direct, mut through) = (Vec::new(), Vec::new());
         let mut touched: Vec<usize> = Vec::new();
@@ -82,15 +97,15 @@ impl Eliminated {
                     continue;
                 }
                 let at = out_rows.len();
-                if z.contains(&c) {
-                    let columns = &a.blocks[a.block_of[c - z.start]].columns;
+                if let Some(i) = unknown(c) {
+                    let columns = &a.blocks[a.block_of[i]].columns;
                     out_rows.extend(columns.iter().map(|_| r));
-                    out_cols.extend(columns.iter().map(|c| a.outer_input(*c)));
+                    out_cols.extend(columns.iter().map(|c| outer_input(*c)));
                     touched.extend_from_slice(columns);
-                    through.push((e, c - z.start, at..at + columns.len()));
+                    through.push((e, i, at..at + columns.len()));
                 } else {
                     out_rows.push(r);
-                    out_cols.push(a.outer_input(c));
+                    out_cols.push(outer_input(a.input_of(f, c)));
                     direct.push((e, at));
                 }
             }
@@ -104,29 +119,30 @@ impl Eliminated {
                     return at..at;
                 }
                 out_rows.extend(columns.iter().map(|_| r));
-                out_cols.extend(columns.iter().map(|c| a.outer_input(*c)));
+                out_cols.extend(columns.iter().map(|c| outer_input(*c)));
                 at..at + columns.len()
             });
             let own = own.collect();
             touched.extend_from_slice(columns);
             (w, own)
         });
-        let n_in = a.outer().n_in();
+        let n_in = outer.n_in();
         let (jac, places) = Pattern::from_triplets(is_own.len(), n_in, &out_rows, &out_cols);
         direct.iter_mut().for_each(|d| d.1 = places[d.1]);
         let bends = !(a.affine || through.is_empty() && by_weight.is_none());
         if by_weight.is_some() {
             // a weight multiplies the whole of an output
-            touched.extend((0..p.n_cols()).filter(|c| !p.rows(*c).is_empty() && !z.contains(c)));
+            let own = (0..p.n_cols()).filter(|c| !p.rows(*c).is_empty() && unknown(*c).is_none());
+            touched.extend(own.map(|c| a.input_of(f, c)));
         }
         let own_hessian = f.hess_pattern();
-        if bends || own_hessian.nnz() > 0 {
+        if !taken.first_order && (bends || own_hessian.nnz() > 0) {
             for (c, entries) in own_hessian.columns() {
                 for e in entries {
                     for i in [own_hessian.row_idx()[e], c] {
-                        match z.contains(&i) {
-                            true => touched.extend_from_slice(&a.blocks[a.block_of[i - z.start]].columns),
-                            false => touched.push(i),
+                        match unknown(i) {
+                            Some(k) => touched.extend_from_slice(&a.blocks[a.block_of[k]].columns),
+                            None => touched.push(a.input_of(f, i)),
                         }
                     }
                 }
@@ -138,14 +154,15 @@ impl Eliminated {
         }
         let (mut hess_rows, mut hess_cols) = (Vec::new(), Vec::new());
         for (k, c) in touched.iter().enumerate() {
-            hess_rows.extend(touched[..=k].iter().map(|c| a.outer_input(*c)));
-            hess_cols.extend(std::iter::repeat_n(a.outer_input(*c), k + 1));
+            hess_rows.extend(touched[..=k].iter().map(|c| outer_input(*c)));
+            hess_cols.extend(std::iter::repeat_n(outer_input(*c), k + 1));
         }
         let hess = Pattern::from_triplets(n_in, n_in, &hess_rows, &hess_cols).0;
         Arc::new(Eliminated {
             f: f.clone(),
             algebraic: algebraic.clone(),
             own: taken.own,
+            more_p: taken.more_p,
             switched: taken.switched,
             n_out: is_own.len(),
             is_own,
@@ -164,6 +181,17 @@ impl Eliminated {
     fn inner(&self, rows: &Range<usize>, mode: usize) -> Range<usize> {
         let (n, by) = self.switched.map_or((self.f.n_out(), 0), |(_, n)| (n, n * mode));
         by + rows.start.min(n)..by + rows.end.min(n)
+    }
+
+    /// The point of the function where the solver is with these states and the weights behind them; and how the outputs of modes are taken.
+    fn there<'a>(&self, x: &'a [f64], at: &Point<'a>) -> Point<'a> {
+        let d = self.f.dims();
+        Point { x: &x[..d.x], p: &at.p[..d.p], ..*at }
+    }
+
+    /// The point of the system.
+    fn of_system<'a>(&self, at: &Point<'a>) -> Point<'a> {
+        Point { p: &at.p[..self.algebraic.dims.p], ..*at }
     }
 
     /// How the outputs of modes are taken together where the solver is.
@@ -201,7 +229,8 @@ impl Function for Eliminated {
         self.f.name()
     }
     fn dims(&self) -> Dims {
-        self.algebraic.outer()
+        let outer = self.algebraic.outer();
+        Dims { p: outer.p + self.more_p, ..outer }
     }
     fn n_out(&self) -> usize {
         self.n_out
@@ -225,9 +254,9 @@ impl Function for Eliminated {
     fn value_rows(&self, at: &Point, rows: Range<usize>, out: &mut [f64], work: &mut [f64]) -> EvalResult {
         let a = &*self.algebraic;
         let mut s = a.lock();
-        a.settle(&mut s, at)?;
+        a.settle(&mut s, &self.of_system(at))?;
         let (taken, n_taken) = self.taken(&mut s);
-        let there = Point { x: &s.full[..a.dims.x], ..*at };
+        let there = self.there(&s.full, at);
         match self.switched {
             None => self.f.value_rows(&there, self.inner(&rows, 0), &mut out[..self.f.n_out()], work)?,
             Some((_, n)) => {
@@ -251,10 +280,10 @@ impl Function for Eliminated {
         let a = &*self.algebraic;
         let (entries, work) = work.split_at_mut(self.f.jac_pattern().nnz());
         let mut s = a.lock();
-        a.settle(&mut s, at)?;
-        a.differentiate(&mut s, at)?;
+        a.settle(&mut s, &self.of_system(at))?;
+        a.differentiate(&mut s, &self.of_system(at))?;
         let (taken, n_taken) = self.taken(&mut s);
-        let there = Point { x: &s.full[..a.dims.x], ..*at };
+        let there = self.there(&s.full, at);
         out.fill(0.0);
         for (mode, weight, slope) in &taken[..n_taken] {
             let inner = self.inner(&rows, *mode);
@@ -286,11 +315,12 @@ impl Function for Eliminated {
         let (a, f) = (&*self.algebraic, &self.f);
         let mut guard = a.lock();
         let s = &mut *guard;
-        a.settle(s, at)?;
-        let x = s.full[..a.dims.x].to_vec();
-        a.differentiate(s, at)?;
+        a.settle(s, &self.of_system(at))?;
+        let x = s.full.clone();
+        a.differentiate(s, &self.of_system(at))?;
         let (taken, n_taken) = self.taken(s);
-        let there = Point { x: &x, ..*at };
+        let there = self.there(&x, at);
+        let input = |c: usize| a.input_of(f, c);
         let n = self.switched.map_or(f.n_out(), |s| s.1);
         let mut bends = Vec::new();
         let mut by_unknown = vec![0.0; a.block_of.len()];
@@ -302,7 +332,7 @@ impl Function for Eliminated {
             }
             let (jac, work) = work.split_at_mut(f.jac_pattern().nnz());
             let (hess, work) = work.split_at_mut(f.hess_pattern().nnz());
-            bends_of((f, &there), &own, (*weight, *slope, column), (hess, jac, work), &mut bends)?;
+            bends_of((f, &there, &input), &own, (*weight, *slope, column), (hess, jac, work), &mut bends)?;
             if !self.bends {
                 continue;
             }
@@ -318,7 +348,8 @@ impl Function for Eliminated {
         }
         if self.bends {
             let multipliers = a.multipliers(s, &by_unknown);
-            bends.extend(a.bends_of_equations(s, &there, &multipliers)?);
+            let own = Point { x: &x[..a.dims.x], ..self.of_system(at) };
+            bends.extend(a.bends_of_equations(s, &own, &multipliers)?);
         }
         bends.iter().filter(|b| b.2 != 0.0).for_each(|(i, j, v)| a.add_bend(s, &self.inputs, (*i, *j), *v, out));
         Ok(())
@@ -434,28 +465,37 @@ pub(crate) struct Elimination {
 }
 
 impl System {
-    /// The system with its algebraic states eliminated; none where it has none. It has the same states: nothing moves the algebraic ones, which
+    /// The system with its algebraic states, and the weights of its inclusions, eliminated; none where it has neither. It has the same states: nothing moves the algebraic ones, which
     /// hold a guess. Behind them are the modes of the subsystems that switch in the equations.
     ///
     /// # Errors
-    /// Those of [`Algebraic::new`]; [`Error::Unsupported`] with inclusions.
+    /// Those of [`Algebraic::new`]; [`Error::Unsupported`] with multipliers of constraints.
     pub(crate) fn eliminated(&self) -> Result<Option<Elimination>> {
-        if self.n_z == 0 {
+        if self.n_z == 0 && self.inclusions.is_empty() {
             return Ok(None);
         }
-        self.validate()?;
-        if !self.inclusions.is_empty() {
-            return Err(Error::Unsupported(
-                "inclusions in a system with algebraic equations: simulate it with finite elements".into(),
-            ));
+        self.validate_for_events()?;
+        if let Some(k) = self.inclusions.iter().position(|i| i.set != SetValued::Step) {
+            return Err(Error::Unsupported(format!(
+                "inclusion {k} has multipliers of constraints, which events do not follow: state them as a projected system, or simulate \
+                 the system with finite elements"
+            )));
         }
         let algebraic = Arc::new(Algebraic::new(self)?);
         let (a, nx) = (&algebraic, self.dims.x);
         let all: Vec<usize> = (0..nx).collect();
-        let none = Outputs { own: OwnRows::Plain, rows: &[], switched: None, more: 0 };
+        let none =
+            Outputs { own: OwnRows::Plain, rows: &[], switched: None, more: 0, more_p: 0, first_order: false };
         let plain = |f: &SharedFunction| Eliminated::function(f, a, none);
-        let mut system =
-            System { dims: a.outer(), n_z: 0, algebraic: None, combined: None, subsystems: Vec::new(), ..self.clone() };
+        let mut system = System {
+            dims: a.outer(),
+            n_z: 0,
+            algebraic: None,
+            combined: None,
+            subsystems: Vec::new(),
+            inclusions: Vec::new(),
+            ..self.clone()
+        };
         let zero = Outputs { own: OwnRows::Zero, ..none };
         let of_f0 = Outputs { rows: &all, more: a.loops.len() + a.n_weights(), ..zero };
         system.f0 = self.f0.as_ref().map(|f| Eliminated::function(f, a, of_f0));
@@ -472,6 +512,15 @@ impl System {
             };
             let n_modes = if switched.is_some() { 1 } else { s.n_modes };
             system.subsystems.push(Subsystem { rows: s.rows.clone(), modes, n_modes, regions });
+        }
+        if let Some(m) = &self.mechanics {
+            system.mechanics = Some(Arc::new(self.eliminated_mechanics(a, m)?));
+        }
+        let flows = if self.mechanics.is_some() { &[][..] } else { &self.inclusions };
+        for (i, f) in flows.iter().zip(&a.inclusions) {
+            let modes = Eliminated::function(f, a, Outputs { rows: &i.rows, ..zero });
+            let regions = Regions::Signs { psi: plain(&i.psi), signs: vec![0; i.psi.n_out()] };
+            system.subsystems.push(Subsystem { rows: i.rows.clone(), modes, n_modes: 1, regions });
         }
         for t in &mut system.transitions {
             t.guard = plain(&t.guard);

@@ -12,6 +12,7 @@
 //!   is taken from the states at the end of every step, as for all surfaces that slide.
 
 use super::algebraic::{Algebraic, Solver};
+use super::steps::of_fewer;
 use super::{SharedFunction, Subsystem, System};
 use crate::func::{EvalError, EvalResult, Point};
 
@@ -45,9 +46,9 @@ pub(super) struct Held {
 
 /// A function that gives derivatives: its outputs with the states they move, under the modes of a loop or always.
 pub(super) struct Flow {
-    f: SharedFunction,
-    rows: Vec<(usize, usize)>,
-    switched: Option<(usize, usize)>,
+    pub(super) f: SharedFunction,
+    pub(super) rows: Vec<(usize, usize)>,
+    pub(super) switched: Option<(usize, usize)>,
 }
 
 impl Flow {
@@ -96,7 +97,9 @@ impl Algebraic {
     /// Derivatives of the states that move to `s.rate`.
     fn rates(&self, s: &mut Solver, at: &Point) -> EvalResult {
         s.rate.fill(0.0);
+        let whole = s.whole(at);
         for flow in &self.flows {
+            let at = &Point { x: &whole[..flow.f.dims().x], ..*at };
             let (taken, n) = flow.switched.map_or(([(0, 1.0, 0.0); 2], 1), |(k, _)| self.taken(s, k));
             for (mode, weight, _) in &taken[..n] {
                 let by = flow.switched.map_or(0, |(_, n)| mode * n);
@@ -104,12 +107,16 @@ impl Algebraic {
                 flow.rows.iter().for_each(|(o, r)| s.rate[*r] += weight * s.buffer[by + o]);
             }
         }
+        s.whole = whole;
         s.rate.iter().all(|v| v.is_finite()).then_some(()).ok_or(EvalError::Recoverable)
     }
 
     /// The value of the equation of a weight: the weight itself where its surface is not held.
     pub(super) fn weight_residual(&self, s: &mut Solver, k: usize, at: &Point) -> std::result::Result<f64, EvalError> {
-        let Some(h) = self.held(s, k) else { return Ok(s.w[self.loops[k].weight.unwrap_or(0)]) };
+        let Some(h) = self.held(s, k) else {
+            let l = &self.loops[k];
+            return Ok(s.w[l.weight.unwrap_or(0)] - l.weight_in(s.modes[k]));
+        };
         match h.by {
             By::Value => {
                 let f = self.loops[k].functions();
@@ -144,8 +151,10 @@ impl Algebraic {
     /// What derivatives of the states are sums of: of their values, and of all that they depend on.
     fn sizes_of_rates_at(&self, s: &mut Solver, at: &Point) -> std::result::Result<Vec<f64>, EvalError> {
         let mut sizes = vec![0.0; self.dims.x];
-        let inputs: Vec<f64> = [at.x, at.u, at.p, &[at.t]].concat();
+        let inputs: Vec<f64> = [at.x, at.u, at.p, &[at.t], &s.w].concat();
+        let whole = s.whole(at);
         for flow in &self.flows {
+            let at = &Point { x: &whole[..flow.f.dims().x], ..*at };
             let (taken, n) = flow.switched.map_or(([(0, 1.0, 0.0); 2], 1), |(k, _)| self.taken(s, k));
             let p = flow.f.jac_pattern();
             for (mode, weight, _) in &taken[..n] {
@@ -153,7 +162,8 @@ impl Algebraic {
                 flow.f.value(at, &mut s.buffer[..flow.f.n_out()], &mut s.work)?;
                 flow.rows.iter().for_each(|(o, r)| sizes[*r] += (weight * s.buffer[by + o]).abs());
                 flow.f.jacobian(at, &mut s.buffer[..p.nnz()], &mut s.work)?;
-                for ((_, entries), v) in p.columns().zip(&inputs) {
+                for (c, entries) in p.columns() {
+                    let v = inputs.get(self.input_of(&flow.f, c)).copied().unwrap_or(0.0);
                     for e in entries {
                         if let Some((_, r)) = flow.rows.iter().find(|r| by + r.0 == p.row_idx()[e]) {
                             sizes[*r] += (weight * s.buffer[e] * v).abs();
@@ -162,6 +172,7 @@ impl Algebraic {
                 }
             }
         }
+        s.whole = whole;
         Ok(sizes)
     }
 
@@ -223,7 +234,9 @@ impl Algebraic {
             }
         }
         // by the rates
+        let whole = s.whole(at);
         for flow in &self.flows {
+            let at = &Point { x: &whole[..flow.f.dims().x], ..*at };
             let (taken, n) = flow.switched.map_or(([(0, 1.0, 0.0); 2], 1), |(k, _)| self.taken(s, k));
             let weight_column = flow.switched.and_then(|(k, _)| self.loops[k].weight).map(|w| n_in + w);
             let p = flow.f.jac_pattern();
@@ -235,8 +248,9 @@ impl Algebraic {
                     state.map_or(0.0, |r| gradient[r.1])
                 };
                 for (c, entries) in p.columns() {
+                    let Some(to) = Some(self.input_of(&flow.f, c)).filter(|c| *c < s.row.len()) else { continue };
                     for e in entries {
-                        s.row[c] += of_output(&s.gradient, p.row_idx()[e]) * weight * s.buffer[e];
+                        s.row[to] += of_output(&s.gradient, p.row_idx()[e]) * weight * s.buffer[e];
                     }
                 }
                 if let Some(c) = weight_column.filter(|_| *slope != 0.0) {
@@ -245,6 +259,7 @@ impl Algebraic {
                 }
             }
         }
+        s.whole = whole;
         Ok(())
     }
 
@@ -268,7 +283,8 @@ impl Algebraic {
                 let n = flow.switched.map_or(flow.f.n_out(), |s| s.1);
                 let counts = |o: usize| flow.rows.iter().any(|(own, r)| *own == o % n && psi.contains(r));
                 let p = flow.f.jac_pattern();
-                columns.extend((0..n_in).filter(|c| p.rows(*c).iter().any(|o| counts(*o))));
+                let own = (0..p.n_cols()).filter(|c| p.rows(*c).iter().any(|o| counts(*o)));
+                columns.extend(own.map(|c| self.input_of(&flow.f, c)).filter(|c| *c < n_in + self.n_weights()));
                 let weight = flow.switched.and_then(|(k, _)| self.loops[k].weight);
                 columns.extend(weight.filter(|_| (0..n).any(counts)).map(|w| n_in + w));
             }
@@ -305,7 +321,9 @@ impl Algebraic {
             return Err(EvalError::Recoverable);
         }
         self.gradient(s, k, &h.terms, at)?;
+        let whole = s.whole(at);
         for flow in &self.flows {
+            let at = &Point { x: &whole[..flow.f.dims().x], ..*at };
             let (taken, n) = flow.switched.map_or(([(0, 1.0, 0.0); 2], 1), |(k, _)| self.taken(s, k));
             let column = flow.switched.and_then(|(k, _)| self.loops[k].weight).map(|w| self.dims.n_in() + w);
             for (mode, weight, slope) in &taken[..n] {
@@ -313,7 +331,8 @@ impl Algebraic {
                 let mut of_output = vec![0.0; flow.f.n_out()];
                 flow.rows.iter().for_each(|(o, r)| of_output[by + o] = v * s.gradient[*r]);
                 let Solver { buffer, other, work, .. } = s;
-                bends_of((&flow.f, at), &of_output, (*weight, *slope, column), (buffer, other, work), out)?;
+                let input = |c: usize| self.input_of(&flow.f, c);
+                bends_of((&flow.f, at, &input), &of_output, (*weight, *slope, column), (buffer, other, work), out)?;
             }
         }
         Ok(())
@@ -332,7 +351,9 @@ impl Algebraic {
         let Some(i) = l.held.iter().position(is_between) else { return Ok(None) };
         let h = &l.held[i];
         let toward = if h.high == now { 1.0 } else { -1.0 };
-        let there = s.full[..self.dims.x].to_vec();
+        let (there, weights) = s.full.split_at(self.dims.x);
+        s.w.copy_from_slice(weights);
+        let there = there.to_vec();
         let at = Point { x: &there, ..*at };
         let back = match h.by {
             By::Value => {
@@ -418,7 +439,7 @@ impl Algebraic {
 /// Adds the second derivatives of outputs with these weights, times `weight`, and what comes by the weight in `column` whose slope is `slope`.
 /// `room` is for the Hessian, the Jacobian, and work.
 pub(super) fn bends_of(
-    (f, at): (&SharedFunction, &Point),
+    (f, at, input): (&SharedFunction, &Point, &dyn Fn(usize) -> usize),
     weights: &[f64],
     (weight, slope, column): (f64, f64, Option<usize>),
     (hess, jac, work): (&mut [f64], &mut [f64], &mut [f64]),
@@ -431,14 +452,14 @@ pub(super) fn bends_of(
     if p.nnz() > 0 {
         f.hessian(at, weights, &mut hess[..p.nnz()], work)?;
         for (c, entries) in p.columns() {
-            out.extend(entries.map(|e| (p.row_idx()[e], c, weight * hess[e])));
+            out.extend(entries.map(|e| (input(p.row_idx()[e]), input(c), weight * hess[e])));
         }
     }
     if let Some(column) = column.filter(|_| slope != 0.0) {
         let p = f.jac_pattern();
         f.jacobian(at, &mut jac[..p.nnz()], work)?;
         for (c, entries) in p.columns() {
-            out.extend(entries.map(|e| (c, column, slope * weights[p.row_idx()[e]] * jac[e])));
+            out.extend(entries.map(|e| (input(c), column, slope * weights[p.row_idx()[e]] * jac[e])));
         }
     }
     Ok(())
@@ -456,6 +477,10 @@ pub(super) fn flows(system: &System, loop_of: &dyn Fn(usize) -> Option<usize>) -
         }
         all.push(Flow { f: f.clone(), rows, switched: None });
     }
+    if let Some(m) = &system.mechanics {
+        let rows: Vec<(usize, usize)> = (0..nx).filter(|r| !z.contains(r)).map(|r| (r, r)).collect();
+        all.push(Flow { f: of_fewer(&m.smooth, system.dims), rows, switched: None });
+    }
     for (k, s) in system.subsystems.iter().enumerate() {
         let own = loop_of(k);
         let rows: Vec<(usize, usize)> = s.rows.iter().copied().enumerate().filter(|r| !z.contains(&r.1)).collect();
@@ -469,6 +494,12 @@ pub(super) fn flows(system: &System, loop_of: &dyn Fn(usize) -> Option<usize>) -
     // states that nothing but a constant drives move, too
     let discrete = system.discrete_states();
     (0..z.start).filter(|i| discrete.binary_search(i).is_err()).for_each(|i| driven[i] = true);
+    if let Some(m) = &system.mechanics {
+        // nor are those that the forces of contacts push; and coordinates stay where gaps are zero
+        let pushed = m.pushed();
+        known.iter_mut().zip(&pushed).filter(|k| *k.1).for_each(|k| *k.0 = false);
+        driven.iter_mut().enumerate().filter(|(i, _)| *i < m.n_q || pushed[*i]).for_each(|d| *d.1 = false);
+    }
     (all, driven, known)
 }
 

@@ -12,11 +12,13 @@ mod choice;
 mod complementary;
 mod contact;
 mod eliminated;
+mod eliminated_scene;
 mod held;
 mod linear;
 mod on_demand;
 mod smoothed;
 mod smoothed_whole;
+mod steps;
 mod transition;
 
 use std::sync::Arc;
@@ -208,6 +210,11 @@ impl System {
         &self.inclusions
     }
 
+    /// Set-valued steps of all inclusions: their switching functions.
+    pub fn n_steps(&self) -> usize {
+        self.inclusions.iter().filter(|i| i.set == SetValued::Step).map(|i| i.psi.n_out()).sum()
+    }
+
     /// Number of algebraic states, the last of all but for the discrete ones.
     pub fn n_algebraic(&self) -> usize {
         self.n_z
@@ -253,7 +260,8 @@ impl System {
     /// Does a derivative of this state, or an equation in its place, depend on anything?
     fn is_driven(&self, i: usize) -> bool {
         let by_modes = self.subsystems.iter().map(|s| &s.rows).chain(self.inclusions.iter().map(|i| &i.rows));
-        let by_f0 = self.f0.as_ref().is_some_and(|f| f.jac_pattern().row_idx().contains(&i));
+        let flows = self.f0.iter().chain(self.mechanics.as_ref().map(|m| &m.smooth));
+        let by_f0 = flows.into_iter().any(|f| f.jac_pattern().row_idx().contains(&i));
         by_f0 || by_modes.into_iter().any(|rows| rows.contains(&i))
     }
 
@@ -364,8 +372,15 @@ impl System {
 
     /// Checks that there is something to integrate.
     pub fn validate(&self) -> Result<()> {
+        self.check_alone()?;
+        self.validate_for_events()
+    }
+
+    /// The same for event-driven simulation, which follows algebraic states and inclusions beside contacts.
+    pub fn validate_for_events(&self) -> Result<()> {
         if self.mechanics.is_some() {
-            return self.check_alone();
+            self.check_no_flow_beside()?;
+            return self.check_discrete();
         }
         let driven = self.f0.is_some() || !self.subsystems.is_empty() || !self.inclusions.is_empty();
         if !driven && self.on_demand.is_none() {

@@ -92,9 +92,17 @@ impl Follower {
         let switching: Vec<usize> =
             system.subsystems().iter().enumerate().filter(|s| s.1.n_modes > 1).map(|s| s.0).collect();
         let own: Vec<usize> = e.algebraic.loops().collect();
+        // behind subsystems contacts switch, and behind those the steps of inclusions
+        let n_subsystems = system.subsystems().len();
+        let n_contacts = system.mechanics().map_or(0, |m| m.contacts.len());
+        let steps = own.iter().filter(|k| **k >= n_subsystems).map(|k| k + n_contacts);
+        let contacts = n_subsystems..n_subsystems + n_contacts;
+        let switching: Vec<usize> = switching.into_iter().chain(contacts).chain(steps).collect();
+        let is_step = |k: usize| k >= n_subsystems + n_contacts;
         let numbers = |is_own: bool| {
             let all = switching.iter().enumerate();
-            all.filter(|(_, k)| own.contains(k) == is_own).map(|(n, _)| n).collect::<Vec<usize>>()
+            let is = |k: usize| is_step(k) || k < n_subsystems && own.contains(&k);
+            all.filter(|(_, k)| is(**k) == is_own).map(|(n, _)| n).collect::<Vec<usize>>()
         };
         let nodes = std::array::from_fn(|k| {
             let angle = std::f64::consts::PI * k as f64 / (NODES - 1) as f64;
@@ -130,6 +138,14 @@ impl Follower {
             work: vec![0.0; f.work_len()],
             unknowns: f.clone(),
             stops: Vec::new(),
+        }
+    }
+
+    /// Derivatives of a time without those by the modes of subsystems in the equations, where there are any.
+    pub(super) fn shown(follower: Option<&Follower>, dt: &[f64]) -> Vec<f64> {
+        match follower.filter(|a| dt.len() >= a.n_all) {
+            Some(a) => [&dt[..a.nx], &dt[a.n_all..]].concat(),
+            None => dt.to_vec(),
         }
     }
 
@@ -473,10 +489,13 @@ impl Engine {
     /// Derivatives of a time, for the log: without those by the modes of subsystems in the equations.
     pub(super) fn shown_dt(&self) -> Vec<f64> {
         let Some(s) = &self.derivatives.sens else { return Vec::new() };
-        match self.algebraic.as_ref().filter(|_| s.dt.len() >= self.nx) {
-            Some(a) => [&s.dt[..a.nx], &s.dt[self.nx..]].concat(),
-            None => s.dt.clone(),
-        }
+        Follower::shown(self.algebraic.as_deref(), &s.dt)
+    }
+
+    /// The algebraic states behind a jump of the others, from those before it.
+    pub(super) fn settle_jump(&mut self) -> EvalResult {
+        let Some(a) = &self.algebraic else { return Ok(()) };
+        a.equations.solve(self.t, &mut self.x, &self.field.u, &self.field.p, Guess::Jump)
     }
 
     /// Modes of all subsystems that switch, where the engine knows `others`.

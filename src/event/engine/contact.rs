@@ -88,6 +88,12 @@ impl Engine {
                 set.push(first);
             }
             self.field.carry_none();
+        }
+        if !self.settle_start(first)? {
+            self.fail(Outcome::NoContinuation, "the scene is not defined at this point".into());
+            return Ok(());
+        }
+        if first {
             self.check_scene()?;
             recover(self.start_on_constraints().map(|()| true), false)?;
         }

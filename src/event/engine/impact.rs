@@ -6,7 +6,7 @@ use super::{Engine, EPS};
 use crate::contact::{mode, Closed, Impulse};
 use crate::event::watch::ContactWatch;
 use crate::event::{Accumulation, Impact, ImpactKind, Outcome, Zeno};
-use crate::func::EvalError;
+use crate::func::{EvalError, EvalResult};
 use crate::system::ImpactLaw;
 
 /// Impacts at one time at most, one after the other.
@@ -201,16 +201,17 @@ impl Engine {
         let Some(impact) = r.unwrap_or(Ok(None))? else { return Ok(None) };
         let unique = impact.unique && kind != ImpactKind::Painleve;
         self.record(&impact.parts, kind, unique && impact.proven && !impact.redundant);
-        self.jump_to(&after, recorded);
+        self.jump_to(&after, recorded)?;
         self.contact_events.scene.after = after;
         Ok(Some(unique))
     }
 
     /// The state becomes `after` by a reset with the last Jacobian.
-    pub(super) fn jump_to(&mut self, after: &[f64], recorded: bool) {
+    pub(super) fn jump_to(&mut self, after: &[f64], recorded: bool) -> EvalResult {
         self.x.copy_from_slice(after);
+        self.settle_jump()?;
         if !recorded {
-            return;
+            return Ok(());
         }
         if let Some(s) = &mut self.derivatives.sens {
             s.reset_by(&self.derivatives.reset.jac);
@@ -218,6 +219,7 @@ impl Engine {
         if self.derivatives.tape.is_some() {
             self.contact_events.scene.resets.extend_from_slice(&self.derivatives.reset.jac);
         }
+        Ok(())
     }
 
     pub(super) fn record(&mut self, parts: &[Impulse], kind: ImpactKind, unique: bool) {
@@ -231,7 +233,7 @@ impl Engine {
             // whether there is an impact at all is a matter of the tolerances
             self.log.one_sided |= depth < GRAZES * tolerance && kind == ImpactKind::Collision;
             if self.log.impacts.len() < self.options.max_log {
-                let dt = self.derivatives.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone());
+                let dt = self.shown_dt();
                 let Impulse { contact, rates, impulse, .. } = *p;
                 self.log.impacts.push(Impact {
                     t: self.t,

@@ -264,11 +264,17 @@ impl Engine {
                     return Ok(());
                 }
                 (unique, cascade) = (false, Cascade::default());
-                unique &= self.locate(true, length)?;
+                if self.field.has_contacts() {
+                    self.scene_behind_jump(g, recorded, length, &mut resets)?;
+                } else {
+                    self.locate(true, length)?;
+                }
                 if self.log.outcome != Outcome::Reached {
                     return Ok(());
                 }
-                self.enter()?;
+                if !self.field.has_contacts() {
+                    self.enter()?;
+                }
                 next = self.held()?;
                 continue;
             }

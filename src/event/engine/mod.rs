@@ -754,7 +754,7 @@ impl Engine {
         }
         self.stepper.fresh = false;
         self.field.accept_near(&self.stepper.step, self.stepper.step_implicit);
-        let moved = if self.field.has_contacts() { self.settle_contacts()? } else { self.settle_held()? };
+        let moved = self.settle_held()? | (self.field.has_contacts() && self.settle_contacts()?);
         std::mem::swap(&mut self.stepper.alpha_start, &mut self.stepper.alpha_end);
         std::mem::swap(&mut self.functions.q0, &mut self.functions.q1);
         if !self.field.constant_gradients() {

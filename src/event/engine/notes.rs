@@ -4,6 +4,7 @@
 //! until the interpolation is good. The state at an event is then that of a step from the start of the accepted one which ends there, by the
 //! same pair, so it is as accurate as one at which a step does end; an implicit step is not repeated, and its dense output counts.
 
+use super::algebraic::Follower;
 use super::{recover, Engine, EPS};
 use crate::error::Result;
 use crate::event::bernstein::{self, First, Sampler, NODES};
@@ -458,9 +459,9 @@ impl Engine {
         let dt = match r {
             Ok(true) => {
                 s.time(&row[..n_z - 1]);
-                s.dt.clone()
+                Follower::shown(self.algebraic.as_deref(), &s.dt)
             }
-            _ => vec![f64::NAN; s.dt.len()],
+            _ => Follower::shown(self.algebraic.as_deref(), &vec![f64::NAN; s.dt.len()]),
         };
         (s.s, s.dt) = kept;
         self.derivatives.sens = Some(s);

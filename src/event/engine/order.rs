@@ -13,6 +13,7 @@
 //! - No order ends there: the motion is discontinuous for changes that part the contacts, and has no derivative with respect to
 //!   them. Those that leave the contacts together are struck by the law for all at once.
 
+use super::algebraic::Follower;
 use super::contact::{SceneRoom, AT_REST};
 use super::{Engine, EPS};
 use crate::contact::{mode, ZERO};
@@ -500,8 +501,9 @@ impl Engine {
                 s.advance(after, -1.0);
                 if place(strike.contact) == Some(k) {
                     let own = self.log.impacts[start..].iter_mut().filter(|i| i.contact == strike.contact);
-                    own.for_each(|i| i.dt.clone_from(&s.dt));
-                    times.push((strike.contact, s.dt.clone()));
+                    let dt = Follower::shown(self.algebraic.as_deref(), &s.dt);
+                    own.for_each(|i| i.dt.clone_from(&dt));
+                    times.push((strike.contact, dt));
                 }
             }
             if let Some(tape) = &mut self.derivatives.tape {
