@@ -294,9 +294,8 @@ impl Scene {
     /// last one. Nothing drives it but transitions.
     ///
     /// # Errors
-    /// [`Error::NonFinite`] for a value that is no number; [`Error::Unsupported`] for projected systems.
+    /// [`Error::NonFinite`] for a value that is no number.
     pub fn add_discrete(&mut self, name: &str, initial: f64) -> Result<usize> {
-        self.check_mechanical("discrete state")?;
         crate::error::finite("initial value of discrete state", &[initial], 1)?;
         let place = self.dims().x;
         self.states.push(None);
@@ -314,12 +313,8 @@ impl Scene {
     }
 
     /// Adds a transition and returns its index; what is wrong with it is said when the scene is built. A reset may move bodies, but not into each
-    /// other: that ends the run.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] for projected systems.
+    /// other, nor the states of a projected system out of their set: that ends the run.
     pub fn add_transition(&mut self, t: Transition) -> Result<usize> {
-        self.check_mechanical("transition")?;
         self.transitions.push(t);
         Ok(self.transitions.len() - 1)
     }
@@ -327,7 +322,7 @@ impl Scene {
     /// Adds a clock, which counts in a discrete state of the scene, and returns the index of its first transition.
     ///
     /// # Errors
-    /// Those of [`Clock::transitions`]; [`Error::Unsupported`] for projected systems.
+    /// Those of [`Clock::transitions`].
     pub fn add_clock(&mut self, dag: &mut Dag, clock: &Clock) -> Result<usize> {
         self.add_strikes(clock.count, clock.transitions(dag))
     }
@@ -341,7 +336,6 @@ impl Scene {
     }
 
     fn add_strikes(&mut self, count: usize, all: Result<Vec<Transition>>) -> Result<usize> {
-        self.check_mechanical("clock")?;
         is_state(count, self.dims().x)?;
         let first = self.transitions.len();
         self.transitions.extend(all?);
@@ -931,7 +925,7 @@ impl Builder<'_> {
         let moving = |gap: &Id| self.dag.as_const(*gap).is_none();
         let gaps: Vec<Id> = s.contacts.iter().filter_map(Part::gap).filter(moving).collect();
         let x = self.dag.inputs(Block::X, s.n_v);
-        let multipliers: Vec<Id> = (0..gaps.len()).map(|i| self.dag.input(Block::X, s.n_v + i)).collect();
+        let multipliers: Vec<Id> = (0..gaps.len()).map(|i| self.dag.input(Block::X, dims.x + i)).collect();
         let mut push = vec![self.dag.constant(0.0); s.n_v];
         for (i, slope) in self.dag.gradient(&gaps, &multipliers, &x)? {
             push[i] = slope;
@@ -941,6 +935,9 @@ impl Builder<'_> {
             smooth = self.dag.solve(inertia, &smooth)?;
             push = self.dag.solve(inertia, &push)?;
         }
+        // discrete states rest
+        let zero = self.dag.constant(0.0);
+        [&mut smooth, &mut push].into_iter().for_each(|f| f.resize(dims.x, zero));
         let wide = Dims { x: dims.x + gaps.len(), ..dims };
         let mut make = |name: &str, dims: Dims, outputs: &[Id]| -> Result<SharedFunction> {
             Ok(Arc::new(ExprFunction::new(name, self.dag, dims, outputs)?))

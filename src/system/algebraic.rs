@@ -323,6 +323,8 @@ pub(crate) struct Algebraic {
     n_weights: usize,
     /// The functions of the inclusions, of the states and all weights.
     pub(super) inclusions: Vec<SharedFunction>,
+    /// The equations are part of a scene.
+    of_scene: bool,
     /// The Jacobian is the same everywhere.
     pub(super) affine: bool,
     solver: Mutex<Solver>,
@@ -336,7 +338,7 @@ pub(super) struct Solver {
     key: Vec<f64>,
     /// Modes of the subsystems that switch inside of the equations.
     pub(super) modes: Vec<usize>,
-    known: Option<std::result::Result<(), EvalError>>,
+    pub(super) known: Option<std::result::Result<(), EvalError>>,
     /// The states with the solution, and the weights behind them.
     pub(super) full: Vec<f64>,
     jac_known: bool,
@@ -365,7 +367,9 @@ pub(super) struct Solver {
     pub(super) gradient: Vec<f64>,
     pub(super) row: Vec<f64>,
     pub(super) column: Vec<f64>,
-    failure: Option<(f64, Failure)>,
+    pub(super) failure: Option<(f64, Failure)>,
+    /// A weight that is given, to see what follows from it: its loop and its value.
+    pub(super) fixed: Option<(usize, f64)>,
     guess: Guess,
 }
 
@@ -468,6 +472,7 @@ impl Algebraic {
             rows_of_weights: Vec::new(),
             n_weights,
             inclusions,
+            of_scene: system.mechanics.is_some(),
             affine: false,
             solver: Mutex::new(Solver::default()),
         };
@@ -515,7 +520,8 @@ impl Algebraic {
         (self.blocks, self.block_of) = blocks(&jac, &unknowns)?;
         let parts = &self.parts;
         let linear = |p: &Part| p.f.hess_pattern().nnz() == 0 && !p.f.hessian_is_approximate();
-        self.affine = self.n_weights == 0 && parts.iter().all(linear);
+        // equations of a scene are differentiated once: that there are no second derivatives says nothing
+        self.affine = self.n_weights == 0 && !self.of_scene && parts.iter().all(linear);
         let of_flows = self.flows.iter().filter(|_| self.n_weights > 0).map(Flow::function);
         let functions = parts.iter().map(|p| &p.f).chain(self.loops.iter().map(Loop::functions)).chain(of_flows);
         let sizes = |f: &SharedFunction| f.n_out().max(f.jac_pattern().nnz()).max(f.hess_pattern().nnz());
@@ -788,6 +794,11 @@ impl Algebraic {
     /// The subsystems that switch inside of the equations, by their places in the system.
     pub(crate) fn loops(&self) -> impl Iterator<Item = usize> + '_ {
         self.loops.iter().map(|l| l.subsystem)
+    }
+
+    /// The inclusion of loop `k`, and its number there, if it is a step of one.
+    pub(crate) fn step_of(&self, k: usize) -> Option<(usize, usize)> {
+        self.loops[k].step
     }
 
     /// States of the system as it was stated.

@@ -21,7 +21,7 @@ const POINTS: usize = 6;
 /// What is the same up to this part at all of them is the same.
 const SAME: f64 = 1e-9;
 /// A rate below so many roundings of its terms has no sign.
-const NO_RATE: f64 = 256.0;
+pub(super) const NO_RATE: f64 = 256.0;
 /// Passes that put states onto surfaces.
 const PASSES: usize = 3;
 
@@ -113,6 +113,9 @@ impl Algebraic {
 
     /// The value of the equation of a weight: the weight itself where its surface is not held.
     pub(super) fn weight_residual(&self, s: &mut Solver, k: usize, at: &Point) -> std::result::Result<f64, EvalError> {
+        if let Some((_, w)) = s.fixed.filter(|f| f.0 == k) {
+            return Ok(s.w[self.loops[k].weight.unwrap_or(0)] - w);
+        }
         let Some(h) = self.held(s, k) else {
             let l = &self.loops[k];
             return Ok(s.w[l.weight.unwrap_or(0)] - l.weight_in(s.modes[k]));
@@ -132,7 +135,7 @@ impl Algebraic {
     }
 
     /// The rate of a surface of loop `k`, and the sizes of its terms.
-    fn rate_of(
+    pub(super) fn rate_of(
         &self,
         s: &mut Solver,
         k: usize,

@@ -9,11 +9,95 @@
 //! not affine in `α` that is not Filippov's convex combination of both sides, but Aizerman and Pyatnitskii's solution. Each step is a loop of
 //! the algebraic equations, see [`algebraic`](super::algebraic), with its weight among the unknowns.
 
-use super::held::By;
+use super::algebraic::Algebraic;
+use super::held::{By, NO_RATE};
 use super::{SharedFunction, System};
-use crate::func::{Dims, EvalResult, Function, Point};
+use crate::func::{Dims, EvalError, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
 use std::sync::Arc;
+
+/// Intervals of a weight in which continuations are looked for, where its function is not affine in it.
+const INTERVALS: usize = 16;
+
+impl Algebraic {
+    /// Is the motion from here on the only one, as far as steps of inclusions are concerned whose surface this point is on?
+    pub(crate) fn steps_are_unique(
+        &self,
+        (t, u, p): (f64, &[f64], &[f64]),
+        x: &[f64],
+    ) -> std::result::Result<bool, EvalError> {
+        for (k, l) in self.loops.iter().enumerate() {
+            let Some(h) = l.held.first().filter(|h| l.step.is_some() && h.by == By::Rate) else { continue };
+            let (v, rounding) = self.regions_at(k, &Point { t, x: &x[..self.dims.x], u, p })?;
+            let value: f64 = h.terms.iter().map(|(o, w)| w * v[*o]).sum();
+            let noise: f64 = h.terms.iter().map(|(o, w)| w.abs() * rounding[*o]).sum();
+            if value.abs() <= noise && self.continuations(k, (t, u, p), x)? > 1 {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Ways to go on from the surface of loop `k`, if that is a step whose surface may be held: it leaves to either side where the rate on that side
+    /// leads away, and stays for every weight between at which there is none. One for other loops, and where functions are not defined for
+    /// some weights. Of a function that is not affine in the weight, changes of sign are seen in [`INTERVALS`] intervals.
+    pub(crate) fn continuations(
+        &self,
+        k: usize,
+        (t, u, p): (f64, &[f64], &[f64]),
+        x: &[f64],
+    ) -> std::result::Result<usize, EvalError> {
+        let l = &self.loops[k];
+        let (Some(h), Some((inclusion, _)), Some(weight)) = (l.held.first(), l.step, l.weight) else { return Ok(1) };
+        let f = &self.inclusions[inclusion];
+        let affine = f.hess_pattern().rows(self.dims.x + weight).iter().all(|r| *r != self.dims.x + weight)
+            && !f.hessian_is_approximate()
+            && self.parts.iter().all(|p| p.f.jac_pattern().n_cols() != f.jac_pattern().n_cols());
+        let n = if affine { 1 } else { INTERVALS };
+        let first = self.dims.x + self.loops.len();
+        let mut there = x.to_vec();
+        there[self.dims.x + k] = h.low as f64;
+        let mut signs = Vec::with_capacity(n + 1);
+        let mut known = Ok(());
+        for i in 0..=n {
+            let w = i as f64 / n as f64;
+            there[first + weight] = w;
+            let mut s = self.lock();
+            (s.fixed, s.known) = (Some((k, w)), None);
+            known = self.settle(&mut s, &Point { t, x: &there, u, p }).and_then(|()| {
+                let full = s.full.clone();
+                let (states, weights) = full.split_at(self.dims.x);
+                s.w.copy_from_slice(weights);
+                let at = Point { t, x: states, u, p };
+                let (value, noise) = match h.by {
+                    By::Rate => {
+                        let (rate, size) = self.rate_of(&mut s, k, &h.terms, &at)?;
+                        (rate, NO_RATE * f64::EPSILON * size)
+                    }
+                    By::Value => {
+                        let (v, rounding) = self.regions_at(k, &at)?;
+                        let sum = |of: &dyn Fn(usize, f64) -> f64| h.terms.iter().map(|(o, c)| of(*o, *c)).sum::<f64>();
+                        (sum(&|o, c| c * v[o]), sum(&|o, c| c.abs() * rounding[o]))
+                    }
+                };
+                signs.push(if value.abs() <= noise { 0.0 } else { value.signum() });
+                Ok(())
+            });
+            (s.fixed, s.known, s.failure) = (None, None, None);
+            if known.is_err() {
+                break;
+            }
+        }
+        match known {
+            Ok(()) => {}
+            Err(EvalError::Recoverable) => return Ok(1),
+            Err(e) => return Err(e),
+        }
+        let leaves = usize::from(signs[0] < 0.0) + usize::from(signs[n] > 0.0);
+        let between: Vec<f64> = signs.into_iter().filter(|s| *s != 0.0).collect();
+        Ok(leaves + between.windows(2).filter(|s| s[0] != s[1]).count())
+    }
+}
 
 /// The signs of one of `n` switching functions on the sides of its surface; the others do not count.
 pub(super) fn signs_of_step(n: usize, j: usize) -> Vec<i8> {

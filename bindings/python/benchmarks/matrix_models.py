@@ -77,8 +77,6 @@ def build(parts):
     if "unilateral" in have:
         if mechanical:
             raise CannotBeStated(f"a Scene has no set that holds a state, a Projected has no {' and '.join(sorted(mechanical))}")
-        if "clock" in have:
-            raise CannotBeStated("a Projected has no clock, and a System has no method that adds one")
     kind = "scene" if mechanical else "projected" if "unilateral" in have else "model"
     s, q, v, z = _states(kind, have)
     force, equation = _force(kind, s, q, v, z, have)
@@ -165,12 +163,11 @@ def _scene(s, q, v, z, force, equation, have):
 
 
 def _projected(s, q, v, force, equation, have):
+    if "transition" in have:
+        force = force + _jump(s, q, v)
     s.f([v, force] if equation is None else [v, force, equation])
     s.constraint("wall", q - 0.55)
-    system = s.system()
-    if "transition" in have:
-        system.add_transition(s.function(GUARD - q), reset=s.function([q, BRAKE * v]), name="brake")
-    return system
+    return s.system()
 
 
 def _inclusion(s, system, rows):

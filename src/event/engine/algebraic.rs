@@ -18,7 +18,7 @@ use crate::event::adjoint::{Gradient, Term};
 use crate::event::path::Path;
 use crate::event::step::{derivative, horner, Poly, Step};
 use crate::event::watch::Watch;
-use crate::event::{Kind, Outcome, Switch};
+use crate::event::{Ambiguity, Kind, Outcome, Switch};
 use crate::func::{EvalError, EvalResult, Point};
 use crate::linalg::lu::Lu;
 use crate::system::{Algebraic, Elimination, Guess, SharedFunction, System};
@@ -27,6 +27,8 @@ use crate::system::{Algebraic, Elimination, Guess, SharedFunction, System};
 const NODES: usize = 8;
 /// Points between the nodes at which a polynomial is compared with the solution.
 const BETWEEN: [usize; 3] = [0, 3, 6];
+/// What is said of steps of inclusions where the option asks for it.
+const NOT_UNIQUE: &str = "the continuation is not unique: the step of an inclusion stays on its surface for several weights, or may also leave it";
 /// Part of the tolerances that a polynomial may be wrong by.
 const SHARE: f64 = 0.1;
 /// A step is divided so often at most.
@@ -348,6 +350,15 @@ impl Engine {
         }
         a.settled |= known;
         field.guards.arm(x);
+        let unique = !known || recover(a.equations.steps_are_unique((self.t, &field.u, &field.p), x), true)?;
+        self.log.ambiguous |= !unique;
+        self.log.one_sided |= !unique;
+        if !unique && self.options.ambiguity == Ambiguity::Stop {
+            self.fail(Outcome::Ambiguous, NOT_UNIQUE.into());
+            return Ok(true);
+        }
+        let Some(a) = &mut self.algebraic else { return Ok(true) };
+        let Engine { x, field, .. } = self;
         if known && self.derivatives.tape.is_some() {
             a.note_stop(self.t, x, &field.u, &field.p);
         }
@@ -521,6 +532,14 @@ impl Engine {
         let a = self.algebraic.as_ref().filter(|a| a.is_own(guard))?;
         let state = self.field.guards.all[guard].transition.from.first()?.0;
         let k = a.own_subsystems[state - a.nx];
+        if let Some((inclusion, j)) = a.equations.step_of(state - a.nx) {
+            return Some(format!(
+                "step {j} of inclusion {inclusion} comes back from both sides of its surface, and its weight cannot hold it: the rate of its switching \
+                 function is not known without the forces of contacts, or other subsystems, that act on it, or it depends on algebraic \
+                 states that the weight does not act on. Write the function in other states; in a scene write what switches into the forces, with \
+                 sign or where; else simulate the system with finite elements"
+            ));
+        }
         Some(format!(
             "no mode of subsystem {k}, which switches inside of the algebraic equations, agrees with their solution under it: each leads to \
              another, and no weights of two of them hold the surface between. Give the state that switches a derivative, or simulate the system \
@@ -558,12 +577,20 @@ impl Engine {
     }
 
     /// Transition `guard` is made: what it is in the log. Nothing, if it is one of the system.
-    pub(super) fn log_own(&mut self, guard: usize, rate: f64) -> bool {
-        let Some(a) = self.algebraic.as_ref().filter(|a| a.is_own(guard)) else { return false };
+    pub(super) fn log_own(&mut self, guard: usize, rate: f64) -> std::result::Result<bool, EvalError> {
+        let Some(a) = self.algebraic.as_ref().filter(|a| a.is_own(guard)) else { return Ok(false) };
         let t = &self.field.guards.all[guard].transition;
-        let Some(k) = t.from.first().map(|(state, _)| state - a.nx) else { return true };
+        let Some(k) = t.from.first().map(|(state, _)| state - a.nx) else { return Ok(true) };
         let (before, after) = (a.active(k, &self.x), a.active(k, &self.derivatives.reset.x));
         let subsystem = a.own_subsystems[k];
+        let data = (self.t, &self.field.u[..], &self.field.p[..]);
+        let unique = a.equations.continuations(k, data, &self.derivatives.reset.x)? <= 1;
+        if !unique {
+            (self.log.ambiguous, self.log.one_sided) = (true, true);
+            if self.options.ambiguity == Ambiguity::Stop {
+                self.fail(Outcome::Ambiguous, NOT_UNIQUE.into());
+            }
+        }
         let kind = match (before.len(), after.len()) {
             (1, 2) => Kind::Enter,
             (2, 1) => Kind::Leave,
@@ -572,7 +599,7 @@ impl Engine {
         self.log.stats.switches += 1;
         if self.log.switches.len() < self.options.max_log {
             let (t, dt) = (self.t, self.shown_dt());
-            let (simultaneous, transversality, unique) = (false, f64::NAN, true);
+            let (simultaneous, transversality) = (false, f64::NAN);
             self.log.switches.push(Switch {
                 t,
                 kind,
@@ -586,7 +613,7 @@ impl Engine {
                 dt,
             });
         }
-        true
+        Ok(true)
     }
 
     /// [`Engine::derivative`] with that of the algebraic states, NaN where they have none.

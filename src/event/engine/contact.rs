@@ -93,6 +93,9 @@ impl Engine {
             self.fail(Outcome::NoContinuation, "the scene is not defined at this point".into());
             return Ok(());
         }
+        if self.log.outcome != Outcome::Reached {
+            return Ok(());
+        }
         if first {
             self.check_scene()?;
             recover(self.start_on_constraints().map(|()| true), false)?;
@@ -546,9 +549,15 @@ impl Engine {
                         )));
                     }
                 } else if gap < -unseen[0].max(TOUCHES * EPS * size[0]) {
-                    return Ok(Some(format!(
-                        "transition {g} makes the bodies overlap: the gap of contact {name} is {gap} behind it"
-                    )));
+                    return Ok(Some(match c.dynamics.is_first_order() {
+                        true => format!(
+                            "transition {g} leaves the set: constraint {name} is {gap} behind it, and must not be negative; reset to a state in \
+                             the set"
+                        ),
+                        false => format!(
+                            "transition {g} makes the bodies overlap: the gap of contact {name} is {gap} behind it"
+                        ),
+                    }));
                 } else if gap > TOUCHES * EPS * size[0] {
                     set[0] = mode::OPEN;
                 }

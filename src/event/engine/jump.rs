@@ -298,7 +298,10 @@ impl Engine {
                 resets.extend_from_slice(&self.derivatives.reset.jac);
                 chain.push(self.made_as(g));
             }
-            let own = self.log_own(g, rate);
+            let own = self.log_own(g, rate)?;
+            if self.log.outcome == Outcome::Ambiguous {
+                return Ok(());
+            }
             owned += usize::from(own);
             if !own && self.log.jumps.len() < self.options.max_log {
                 let nx = self.n_shown();

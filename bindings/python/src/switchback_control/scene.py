@@ -78,7 +78,7 @@ def _known_by(contact: Any) -> int:
     return 1 + len(one.get("tangents", ())) if kind == "contact" else 1
 
 
-class _ContactSystem(Named):
+class _ContactSystem(Jumping, Named):
     """What scenes and projected systems share: a graph, contacts, and the system they become."""
 
     name: str
@@ -94,8 +94,9 @@ class _ContactSystem(Named):
     nu: int
     np: int
     _made: _Scene
-    _transitions: Sequence[Any] = ()
-    _discrete: Sequence[float] = ()
+    _transitions: list[Any]
+    _discrete: list[float]  # initial values of the last states
+    _n_groups: int  # groups of names of the states that are not beside others
     _layout: Any = None  # of a World: where its bodies are
 
     def _begin(self, create: Any, sizes: Sequence[int], states: int, controls: list[str], parameters: list[str]) -> None:
@@ -106,6 +107,7 @@ class _ContactSystem(Named):
         self._adopt(Graph(), made, states, controls, parameters)
 
     def _adopt(self, graph: Graph, made: _Scene, states: int, controls: list[str], parameters: list[str]) -> None:
+        self._transitions, self._discrete = [], []
         self.graph = graph
         self.x = self.graph.inputs("x", states)
         self.nx, self.nu, self.np = states, len(controls), len(parameters)
@@ -115,6 +117,31 @@ class _ContactSystem(Named):
         self._made = made
         self._current = False
         self._complete = True
+
+    def discrete(self, name: str = "", initial: float = 0.0) -> Expr:
+        """Add a discrete state: only transitions change it. It is the last state, and where an initial state is given
+        without the discrete ones they begin with `initial`."""
+        start = number(initial, "initial")
+        if not isinstance(name, str):
+            raise ArgumentError(f"the name of a discrete state must be a text, not {type(name).__name__}")
+        if name and any(name in names for names in self.names):
+            raise ArgumentError(f"there is a variable '{name}' already: give the discrete state another name")
+        self._made._do("add_discrete", encode(name, "name"), start, None)
+        if len(self.names) == self._n_groups + 2:
+            self.names.insert(self._n_groups, [])
+        self.names[self._n_groups].append(name)
+        self._discrete.append(start)
+        self.nx += 1
+        self.x = self.graph.inputs("x", self.nx)
+        self._current = False
+        return self.x[self.nx - 1]
+
+    def _state_names(self) -> list[str]:
+        return [n for group in self.names[:-2] for n in group]
+
+    def _take(self, transition: Any) -> None:
+        transition.add_to(self._made, self.graph)
+        self._current = False
 
     def _blocks(self) -> tuple[Expr, ...]:
         states, start = [], 0
@@ -242,7 +269,7 @@ class _ContactSystem(Named):
         return self.graph.function(outputs, self.nx, self.nu, self.np, name)
 
 
-class Scene(Jumping, _ContactSystem):
+class Scene(_ContactSystem):
     """A mechanical system with contacts:
 
     q' = N(q) v,   M(q) v' = force(q, v, u, p, t) + contact forces,   gap >= 0, friction
@@ -272,8 +299,6 @@ class Scene(Jumping, _ContactSystem):
         vs = [f"v_{n}" if n else "" for n in qs] if v is None else split(v, "v")
         zs, us, ps = split(states, "states"), split(u, "u"), split(p, "p")
         self.names = [qs, vs, *([zs] if zs else []), us, ps]
-        self._transitions: list[Any] = []
-        self._discrete: list[float] = []  # initial values of the last states
         self.n_q, self.n_v, self.n_states = len(qs), len(vs), len(zs)
         if not self.n_q or not self.n_v:
             raise DimensionError("a scene needs at least one coordinate and one velocity")
@@ -282,6 +307,7 @@ class Scene(Jumping, _ContactSystem):
         self._warn_hidden(besides=("x",))  # coordinates are written s.q; a state array in the place of x has the wrong shape
 
     _what = "scene"
+    _n_groups = 2
 
     def _adopt(self, *given: Any) -> None:
         super()._adopt(*given)
@@ -290,31 +316,6 @@ class Scene(Jumping, _ContactSystem):
 
     def _enter(self, saved: Any) -> None:
         self.n_q, self.n_v, self.n_states = saved["coordinates"], saved["velocities"], len(saved.get("states", ()))
-
-    def discrete(self, name: str = "", initial: float = 0.0) -> Expr:
-        """Add a discrete state: only transitions change it. It is the last state, and where an initial state is given
-        without the discrete ones they begin with `initial`."""
-        start = number(initial, "initial")
-        if not isinstance(name, str):
-            raise ArgumentError(f"the name of a discrete state must be a text, not {type(name).__name__}")
-        if name and any(name in names for names in self.names):
-            raise ArgumentError(f"there is a variable '{name}' already: give the discrete state another name")
-        self._made._do("add_discrete", encode(name, "name"), start, None)
-        if len(self.names) == 4:
-            self.names.insert(2, [])
-        self.names[2].append(name)
-        self._discrete.append(start)
-        self.nx += 1
-        self.x = self.graph.inputs("x", self.nx)
-        self._current = False
-        return self.x[self.nx - 1]
-
-    def _state_names(self) -> list[str]:
-        return [n for group in self.names[:-2] for n in group]
-
-    def _take(self, transition: Any) -> None:
-        transition.add_to(self._made, self.graph)
-        self._current = False
 
     def rates(self, values: Any) -> None:
         """Set the rates of the coordinates, one for each, linear in the velocities; by default they are the velocities."""
@@ -504,8 +505,14 @@ class Projected(_ContactSystem):
         m.constraint("lower", y - input + 0.2)
         run = swb.simulate(m, [0.0], 10.0)
 
+    Transitions, discrete states and clocks are those of a `Model`, for simulation by events: `transition`, `discrete`, `hysteresis`, `every`,
+    `hold`, `pwm`, `stop_at`, `note`. A reset must stay in the set: it ends the run elsewhere, and says so.
+
     `swb.simulate_fesd` and `swb.Ocp` take it too; there every constraint is a subsystem with one mode, whose weight is the multiplier.
     """
+
+    _what = "projected system"
+    _n_groups = 1
 
     def __init__(
         self,
@@ -516,11 +523,12 @@ class Projected(_ContactSystem):
     ):
         self.name = name
         self.names = [split(x, "x"), split(u, "u"), split(p, "p")]
-        self._begin(lib.swb_scene_create_projected, [len(n) for n in self.names], len(self.names[0]), *self.names[1:])
+        self._n_moving = len(self.names[0])
+        self._begin(lib.swb_scene_create_projected, [len(n) for n in self.names], self._n_moving, *self.names[1:])
 
     def f(self, values: Any) -> None:
-        """Set the derivatives of the states without constraints, one for each. They may switch, for simulation by events."""
-        self._set("set_force", values, (self.nx,), "f")
+        """Set the derivatives of the states without constraints, one for each that is not discrete. They may switch, for simulation by events."""
+        self._set("set_force", values, (self._n_moving,), "f")
 
     def constraint(self, name: str, c: Any) -> SceneContact:
         """Add a constraint c >= 0, an expression of states, parameters and time."""
