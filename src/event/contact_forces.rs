@@ -34,6 +34,7 @@ impl Run {
             path.ok_or_else(|| Error::State("forces at other times need the dense output: ask for it".into()))?
                 .eval(t, 0, &mut x)?;
         }
+        x.extend_from_slice(&phase.behind);
         let mut dynamics = Dynamics::new(mechanics);
         // what has just begun to slide has a velocity that is rounding: its direction is that of its acceleration
         for start in &phase.starting {

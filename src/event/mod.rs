@@ -315,6 +315,8 @@ pub struct Phase {
     pub u: Vec<f64>,
     /// Parameters.
     pub p: Vec<f64>,
+    /// Modes in algebraic equations and of steps of inclusions, and their weights, which stand behind the states in the engine.
+    pub behind: Vec<f64>,
 }
 
 /// A way a solution may go on.

@@ -71,6 +71,7 @@ impl Record {
 /// Modes of the subsystems that can switch, those of contacts behind them: open, closed, sliding either way; and of the steps of inclusions
 /// behind those: 0 and 1.
 pub fn modes_of(system: &System) -> Vec<i64> {
+    let system = system.with_switches();
     let contacts = system.mechanics().map_or(0, |m| m.contacts.len());
     let on_demand = system.on_demand().map(|_| MODES_ON_DEMAND as i64);
     let contacts = std::iter::repeat_n(4, contacts).chain(on_demand);

@@ -19,6 +19,7 @@ mod on_demand;
 mod smoothed;
 mod smoothed_whole;
 mod steps;
+mod steps_scene;
 mod transition;
 
 use std::sync::Arc;

@@ -147,7 +147,7 @@ pub(super) fn of_fewer(f: &SharedFunction, dims: Dims) -> SharedFunction {
 }
 
 /// A function of inputs that stand elsewhere among those of another one. Inputs without a place are zero.
-struct Placed {
+pub(super) struct Placed {
     f: SharedFunction,
     dims: Dims,
     /// Where every input of the function stands, but for the time.
@@ -161,7 +161,7 @@ struct Placed {
 
 impl Placed {
     /// `place` ascends where it has a value.
-    fn new(f: &SharedFunction, dims: Dims, place: &dyn Fn(usize) -> Option<usize>) -> Placed {
+    pub(super) fn new(f: &SharedFunction, dims: Dims, place: &dyn Fn(usize) -> Option<usize>) -> Placed {
         let n_in = dims.n_in();
         let entries = |p: &Pattern, m: usize, rows_too: bool| {
             let (mut rows, mut cols, mut own) = (Vec::new(), Vec::new(), Vec::new());

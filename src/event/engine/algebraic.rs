@@ -492,6 +492,11 @@ impl Engine {
         self.algebraic.as_ref().map_or(self.nx, |a| a.nx)
     }
 
+    /// Modes of subsystems in algebraic equations, and of steps of inclusions.
+    pub(super) fn n_own_modes(&self) -> usize {
+        self.algebraic.as_ref().map_or(0, |a| a.n_modes)
+    }
+
     /// Derivatives of the states without those modes, where there are any.
     pub(super) fn shown_sensitivity(&self) -> Option<&[f64]> {
         self.algebraic.as_ref().filter(|a| a.n_modes > 0 && !a.sensitivity.is_empty()).map(|a| &a.sensitivity[..])

@@ -605,7 +605,10 @@ impl Engine {
         }
         let (field, last) = (&self.field, self.contact_events.phases.last());
         let modes = || field.active.iter().map(|s| s[0]);
-        if last.is_some_and(|p| p.modes.iter().copied().eq(modes()) && p.u == field.u && p.p == field.p) {
+        let behind = &self.x[self.n_shown()..];
+        let n_modes = self.n_own_modes();
+        let same = |p: &Phase| p.behind[..n_modes] == behind[..n_modes] && p.u == field.u && p.p == field.p;
+        if last.is_some_and(|p| p.modes.iter().copied().eq(modes()) && same(p)) {
             return;
         }
         let redundant = field.scene().is_some_and(|c| c.dynamics.is_redundant());
@@ -618,7 +621,7 @@ impl Engine {
             unseen: field.scene().map_or(0.0, |c| c.dynamics.begins[contact]),
         });
         let starting = starting.collect();
-        self.contact_events.phases.push(Phase { t: self.t, modes: modes().collect(), redundant, starting, u, p });
+        self.contact_events.phases.push(Phase { t: self.t, modes: modes().collect(), redundant, starting, u, p, behind: behind.to_vec() });
     }
 
     /// What is left of a slide in space goes along the tangent, see [`Dynamics::stop`].

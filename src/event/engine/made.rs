@@ -32,6 +32,8 @@ use crate::system::System;
 impl Engine {
     /// Prepares the simulation of a system. State, controls and parameters are zero until they are set.
     pub fn new(system: &System, options: &Options) -> Result<Engine> {
+        let switched = system.with_switches();
+        let system = switched.as_ref();
         let (elimination, stated) = (system.eliminated()?, system);
         let system = elimination.as_ref().map_or(system, |e| &e.system);
         let dcs = Dcs::with_modes_on_demand(system)?;

@@ -289,6 +289,7 @@ class Run(Hints, Recorded, Handle):
         self.reason = text(lib.swb_run_reason, self)
         self.stats = RunStats._of(self._struct("get_stats", _ffi.swb_run_stats))
         self.n_modes = self._sizes_of_subsystems(info.n_subsystems)
+        self._n_contacts = int(info.n_scene_contacts)
         self.x_end = self._array("state", (self.nx,))
         self.switches = [self._event(i, e) for i, e in enumerate(self._structs("events", _ffi.swb_event, n))]
         made = self._structs("jumps", _ffi.swb_jump, info.n_jumps)
@@ -396,7 +397,7 @@ class Run(Hints, Recorded, Handle):
     def _modes(self, times: Array) -> Array:
         """Modes of all contacts, [..., contacts]."""
         flat = numpy.ascontiguousarray(times.reshape(-1))
-        n = len(self.system._contacts)
+        n = self._n_contacts  # of the scene, and steps of inclusions behind them that are found with their forces
         out = numpy.empty((flat.size, n), dtype=numpy.int64)
         self._do("contact_modes", address(flat), flat.size, address(out), out.size)
         return out.reshape((*times.shape, n))
@@ -410,7 +411,7 @@ class Run(Hints, Recorded, Handle):
     def _forces(self, times: Array) -> Array:
         """Forces of all contacts, [..., contacts, 3]."""
         flat = numpy.ascontiguousarray(times.reshape(-1))
-        n = len(self.system._contacts)
+        n = self._n_contacts  # of the scene, and steps of inclusions behind them that are found with their forces
         out = numpy.empty((flat.size, n, 3))
         self._do("contact_forces", address(flat), flat.size, address(out), out.size)
         return out.reshape((*times.shape, n, 3))
