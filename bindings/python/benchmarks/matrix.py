@@ -161,14 +161,8 @@ class Bench:
     def cost(self, u, by=0.0, p=P0, horizon=HORIZON, grid=False):
         """Cost of controls by a simulation by events and sums over 12 000 points; with the positions at the ends of stages squared, if asked for."""
         c, q, v = self.case, 0, 2 if "bilateral" in self.case.parts else 1
-        if "inclusion" in c.parts:  # which events do not simulate: finite elements that do not know the answer's
-            r = swb.simulate_fesd(c.system, c.start(by), horizon, 6 * len(u), u=np.repeat(u, 6, axis=0), p=[p], n_s=3)
-            if not r.success:
-                raise Refusal(f"finite elements end with {r.outcome.name.lower()}")
-            run, end = r.trajectory, r.state
-        else:
-            run = self.run(u=np.asarray(u), by=by, p=p, horizon=horizon)
-            end = run.x_end
+        run = self.run(u=np.asarray(u), by=by, p=p, horizon=horizon)
+        end = run.x_end
         n = 12000
         t = horizon * (np.arange(n) + 0.5) / n
         x = run(t)
@@ -242,9 +236,8 @@ class Bench:
         assert found >= low - 1e-4, f"velocity {found:.6g} below its bound"
         if r.accuracy is None or not r.accuracy.reached:
             raise Refusal(f"no accuracy: {r.message}")
-        if "inclusion" not in c.parts:
-            least = self.run(u=r.controls)(np.linspace(0.0, HORIZON, 2001))[:, at].min()
-            agree(max(r.accuracy.along_violation, 0.0), max(low - least, 0.0), 2e-3, "violation along the horizon")
+        least = self.run(u=r.controls)(np.linspace(0.0, HORIZON, 2001))[:, at].min()
+        agree(max(r.accuracy.along_violation, 0.0), max(low - least, 0.0), 2e-3, "violation along the horizon")
 
     def _relaxed(self, norm):
         c = self.case
