@@ -234,10 +234,8 @@ pub struct Ocp {
     largest: f64,
     /// The last solution one control stage later, where the next warm solve is to start from it.
     shifted: Option<Box<OcpResult>>,
-    /// Is it followed by simulations alone?
-    only_simulates: bool,
-    /// What derivatives of an answer of shooting are made of.
-    simulated: Option<Box<simulated::Last>>,
+    /// Is it followed by simulations alone, and what derivatives of their answer are made of.
+    simulated: simulated::State,
     /// How contact modes are found, where the system is a scene, and what the last solve knows of them.
     scene: scene::SceneControl,
     /// What is known of transitions.
@@ -258,6 +256,12 @@ impl Ocp {
         sizes::check("control stages", &[n_stages])?;
         let d = system.dims();
         let free = |n: usize| [vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]];
+        if let Some(k) = system.transitions().iter().position(|t| t.stops()) {
+            return Err(Error::Unsupported(format!(
+                "transition {k} stops a simulation, and the horizon of an optimal control problem has its own end: make its guard a terminal \
+                 constraint, and the length of the horizon free"
+            )));
+        }
         let only_simulates = simulated::only_simulates(system);
         let given = system;
         let system = if only_simulates { Cow::Borrowed(given) } else { given.with_multipliers()? };
@@ -303,8 +307,7 @@ impl Ocp {
             measured: None,
             largest: 0.0,
             shifted: None,
-            only_simulates,
-            simulated: None,
+            simulated: simulated::State { only: only_simulates, last: None },
             scene: scene::SceneControl::default(),
             transitions: transitions::State::default(),
         })

@@ -219,8 +219,7 @@ impl Ocp {
             measured: None,
             largest: 0.0,
             shifted: None,
-            only_simulates: self.only_simulates,
-            simulated: None,
+            simulated: super::simulated::State { only: self.simulated.only, last: None },
             scene: self.scene.blank(),
             transitions: self.transitions.blank(),
         }

@@ -114,7 +114,6 @@ impl Ocp {
             clearance: _,
             inside: _,
             projected,
-            only_simulates: _,
             simulated: _,
         } = self;
         Statement {

@@ -484,8 +484,7 @@ impl System {
         let algebraic = Arc::new(Algebraic::new(self)?);
         let (a, nx) = (&algebraic, self.dims.x);
         let all: Vec<usize> = (0..nx).collect();
-        let none =
-            Outputs { own: OwnRows::Plain, rows: &[], switched: None, more: 0, more_p: 0, first_order: false };
+        let none = Outputs { own: OwnRows::Plain, rows: &[], switched: None, more: 0, more_p: 0, first_order: false };
         let plain = |f: &SharedFunction| Eliminated::function(f, a, none);
         let mut system = System {
             dims: a.outer(),

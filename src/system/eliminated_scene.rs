@@ -94,7 +94,9 @@ impl System {
     fn check_beside(&self, m: &Mechanics) -> Result<()> {
         let z = self.algebraic_states();
         let second = m.order == Order::Second;
-        if let Some((k, i)) = self.inclusions.iter().enumerate().find(|(_, i)| second && i.rows.iter().any(|r| *r < m.n_q)) {
+        if let Some((k, i)) =
+            self.inclusions.iter().enumerate().find(|(_, i)| second && i.rows.iter().any(|r| *r < m.n_q))
+        {
             return Err(Error::Unsupported(format!(
                 "inclusion {k} drives the rows {:?} of a scene with {} coordinates: coordinates move with the velocities; drive a velocity, which \
                  takes it as a force, or a further state",

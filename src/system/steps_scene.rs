@@ -95,7 +95,8 @@ impl System {
         let smooth: SharedFunction = Arc::new(Combination::new(m.smooth.name().to_owned(), sources, terms));
         let inertia = match &m.inertia {
             Inertia::Constant(v) => {
-                let entry = |i: usize, j: usize| if i < m.n_v && j < m.n_v { v[i * m.n_v + j] } else { f64::from(i == j) };
+                let entry =
+                    |i: usize, j: usize| if i < m.n_v && j < m.n_v { v[i * m.n_v + j] } else { f64::from(i == j) };
                 Inertia::Constant((0..wide * wide).map(|k| entry(k / wide, k % wide)).collect())
             }
             other => other.clone(),
@@ -133,7 +134,11 @@ fn of_more(f: &SharedFunction, dims: Dims) -> SharedFunction {
 }
 
 /// A contact among more velocities and switches.
-fn widened(c: &Contact, m: &Mechanics, place: &dyn Fn(&SharedFunction, usize, Option<usize>) -> SharedFunction) -> Contact {
+fn widened(
+    c: &Contact,
+    m: &Mechanics,
+    place: &dyn Fn(&SharedFunction, usize, Option<usize>) -> SharedFunction,
+) -> Contact {
     let (n_v, n_z) = (m.n_v, m.n_z);
     let weights = if c.kind == Kind::Switch { m.n_switches } else { 0 };
     let motion = if weights > 0 { place(&c.motion, weights, None) } else { c.motion.clone() };
@@ -182,7 +187,15 @@ impl Weighed {
         let (rows, cols): (Vec<usize>, Vec<usize>) =
             p.columns().flat_map(|(c, e)| e.map(move |e| (e, c))).map(|(e, c)| (p.row_idx()[e], of(c))).unzip();
         let (jac, places) = Pattern::from_triplets(f.n_out(), dims.n_in(), &rows, &cols);
-        Weighed { f: f.clone(), dims, n, first: own.p + first, jac, places, hess: Pattern::empty(dims.n_in(), dims.n_in()) }
+        Weighed {
+            f: f.clone(),
+            dims,
+            n,
+            first: own.p + first,
+            jac,
+            places,
+            hess: Pattern::empty(dims.n_in(), dims.n_in()),
+        }
     }
 }
 

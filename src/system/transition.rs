@@ -160,6 +160,11 @@ pub struct Transition {
 
 impl Transition {
     /// Has its guard one output, which acts where it is positive: what optimal control, and systems of many units, follow?
+    pub(crate) fn stops(&self) -> bool {
+        self.rule.effect == Effect::Stop
+    }
+
+    /// Is it one comparison that acts where it is true, and changes states?
     pub(crate) fn is_plain(&self) -> bool {
         self.clauses.is_empty() && self.rule.effect == Effect::Jump && self.rule.trigger == Trigger::Level
     }

@@ -131,12 +131,6 @@ NONSENSE = {
         swb.RangeError,
         "not satisfied at the start",
     ),
-    "optimal control": (lambda: swb.Ocp(slider(np_=0, bound=0.1), 1.0, 4), swb.UnsupportedError, "guide"),
-    "optimal control of a constraint": (
-        lambda: swb.Ocp(_plain(lambda s: s.constraint("rod", s.q[0])), 1.0, 4),
-        swb.UnsupportedError,
-        "rod",
-    ),
     "time-freezing": (lambda: slider(np_=0, bound=0.1).freeze(), swb.UnsupportedError, "guide"),
 }
 
@@ -217,8 +211,6 @@ def test_states_are_refused_where_they_do_not_belong():
         s.simulate([0.0], [0.0], 1.0, u=[2.0])
     with pytest.raises(swb.DimensionError, match="shape"):
         s.state_rates([0.0, 1.0])
-    with pytest.raises(swb.UnsupportedError, match="is dry friction at a joint"):
-        swb.Ocp(s, 1.0, 4)
     s.constraint("wrong", s.q[0] - s.current)
     with pytest.raises(swb.RangeError, match="depends on states beside"):
         s.system()

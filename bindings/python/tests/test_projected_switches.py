@@ -134,8 +134,6 @@ def test_what_is_refused():
     m = follower()
     with pytest.raises(swb.UnsupportedError, match="switch"):
         swb.simulate_fesd(m, [1.0], 1.0, 4, p=[0.0])
-    with pytest.raises(swb.UnsupportedError, match="switch"):
-        swb.Ocp(m, 1.0, 4)
     m = swb.Projected("y", name="wrong")
     m.f([1.0])
     m.constraint("c", swb.sign(m.y))

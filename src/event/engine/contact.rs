@@ -621,7 +621,15 @@ impl Engine {
             unseen: field.scene().map_or(0.0, |c| c.dynamics.begins[contact]),
         });
         let starting = starting.collect();
-        self.contact_events.phases.push(Phase { t: self.t, modes: modes().collect(), redundant, starting, u, p, behind: behind.to_vec() });
+        self.contact_events.phases.push(Phase {
+            t: self.t,
+            modes: modes().collect(),
+            redundant,
+            starting,
+            u,
+            p,
+            behind: behind.to_vec(),
+        });
     }
 
     /// What is left of a slide in space goes along the tangent, see [`Dynamics::stop`].

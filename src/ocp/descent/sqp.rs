@@ -149,7 +149,26 @@ pub(in crate::ocp) fn minimise(program: &mut dyn Program, z: &[f64], evaluations
     if !program.evaluate(&z, &mut here)? {
         return Ok(None);
     }
-    let Some(mut descent) = Descent::new(program, &here)? else { return Ok(None) };
+    let (rows, violated) = (here.rows.len(), unmet(program, &here));
+    let Some(mut descent) = Descent::new(program, &here)? else {
+        // nothing that varies changes anything to first order: it is what it is, and optimal where nothing varies
+        let stationary = z.is_empty();
+        return Ok(Some(Lowest {
+            unit: here.cost.abs().max(f64::MIN_POSITIVE),
+            before: here.cost,
+            cost: here.cost,
+            violated,
+            violation: violated,
+            evaluations: 1,
+            gain: 0.0,
+            stationary,
+            kink: false,
+            multipliers: vec![0.0; rows],
+            left: 0.0,
+            beside: Vec::new(),
+            z,
+        }));
+    };
     descent.scale(&mut here);
     let before = here.clone();
     let mut lowest = descent.run(&z, here, evaluations)?;
@@ -160,6 +179,13 @@ pub(in crate::ocp) fn minimise(program: &mut dyn Program, z: &[f64], evaluations
     lowest.before = before.cost / descent.unit;
     lowest.unit = 1.0 / descent.unit;
     Ok(Some(lowest))
+}
+
+/// The largest violation of a constraint, as a share of what it is usually changed by.
+fn unmet(program: &dyn Program, v: &Values) -> f64 {
+    let (lower, upper) = program.row_bounds();
+    let off = |i: usize| (lower[i] - v.rows[i]).max(v.rows[i] - upper[i]).max(0.0);
+    (0..v.rows.len()).map(|i| off(i) / v.usual[i].max(f64::MIN_POSITIVE)).fold(0.0, f64::max)
 }
 
 /// Looks around the end of a descent, at a distance that simulations tell from their errors: what first order promises there, with all pieces that meet
@@ -261,9 +287,9 @@ impl<'a> Descent<'a> {
         let (n, m) = (size.len(), at.rows.len());
         let steepest = |g: &[f64]| g.iter().zip(&size).fold(0f64, |a, (g, s)| a.max((g * s).abs()));
         let unit = steepest(&at.gradient);
-        let of_rows: Vec<f64> = at.jacobian.chunks_exact(n).map(steepest).collect();
+        let of_rows: Vec<f64> = at.jacobian.chunks_exact(n.max(1)).map(steepest).collect();
         let all = of_rows.iter().fold(unit, |a, b| a.max(*b));
-        if !(all > 0.0 && all.is_finite()) {
+        if n == 0 || !(all > 0.0 && all.is_finite()) {
             return Ok(None);
         }
         // A constraint that the variables do not change, as the speed of what friction holds, has no size of its own: rounding is no slope.

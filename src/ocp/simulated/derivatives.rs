@@ -43,7 +43,7 @@ fn missing() -> Error {
 fn lagrangian(values: &Values, multipliers: &[f64]) -> Vec<f64> {
     let mut gradient = values.gradient.clone();
     let n = gradient.len();
-    for (mu, row) in multipliers.iter().zip(values.jacobian.chunks_exact(n)).filter(|(mu, _)| **mu != 0.0) {
+    for (mu, row) in multipliers.iter().zip(values.jacobian.chunks_exact(n.max(1))).filter(|(mu, _)| **mu != 0.0) {
         gradient.iter_mut().zip(row).for_each(|(g, v)| *g += mu * v);
     }
     gradient
@@ -216,7 +216,7 @@ impl Ocp {
     /// The end of the last solve by shooting, if it is a solution.
     fn last_simulated(&self) -> Result<&Last> {
         let solved = self.result.as_ref().is_some_and(|r| r.is_exact());
-        self.simulated.as_deref().filter(|_| solved).ok_or_else(|| {
+        self.simulated.last.as_deref().filter(|_| solved).ok_or_else(|| {
             Error::State("there is no exact solution to have derivatives: solve the problem first".into())
         })
     }

@@ -67,6 +67,15 @@ pub(super) struct Last {
     lowest: Lowest,
 }
 
+/// What a problem knows of simulations.
+#[derive(Default)]
+pub(super) struct State {
+    /// Does nothing else follow its system?
+    pub only: bool,
+    /// The end of the last solve.
+    pub last: Option<Box<Last>>,
+}
+
 /// Do finite elements and programs of modes not follow a system that is simulated?
 pub(super) fn only_simulates(s: &System) -> bool {
     let plain = s.check_transitions_are_followed().is_ok();
@@ -81,7 +90,7 @@ impl Ocp {
     /// Is it solved by shooting?
     pub(super) fn is_simulated(&self) -> bool {
         let scene = self.system.mechanics().is_some_and(|m| m.order == Order::Second);
-        self.only_simulates || scene && self.linear.contains(&true)
+        self.simulated.only || scene && self.linear.contains(&true)
     }
 
     fn check_simulated(&self) -> Result<()> {
@@ -103,7 +112,7 @@ impl Ocp {
     pub(super) fn solve_simulated(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<()> {
         let clock = Instant::now();
         self.check_simulated()?;
-        self.simulated = None;
+        self.simulated.last = None;
         let shifted = self.shifted.take().filter(|_| start == Start::Warm).map(|r| *r);
         let known = if start == Start::Warm { self.result.take() } else { None };
         let mut last = shifted.or(known).filter(|r| r.is_solution());
@@ -156,7 +165,7 @@ impl Ocp {
             result.tell_cut(why);
         }
         self.result = Some(result);
-        self.simulated = Some(Box::new(Last { base, cuts, lowest }));
+        self.simulated.last = Some(Box::new(Last { base, cuts, lowest }));
         Ok(())
     }
 

@@ -101,13 +101,13 @@ class _ContactSystem(Jumping, Named):
 
     def _begin(self, create: Any, sizes: Sequence[int], states: int, controls: list[str], parameters: list[str]) -> None:
         self._refuse_twice()
+        self._transitions, self._discrete = [], []
         names = encode("\n".join(n for group in self.names for n in group), "names")
         made = _Scene.__new__(_Scene)
         made._make(create, encode(self.name, "name"), *sizes, names)
         self._adopt(Graph(), made, states, controls, parameters)
 
     def _adopt(self, graph: Graph, made: _Scene, states: int, controls: list[str], parameters: list[str]) -> None:
-        self._transitions, self._discrete = [], []
         self.graph = graph
         self.x = self.graph.inputs("x", states)
         self.nx, self.nu, self.np = states, len(controls), len(parameters)
@@ -251,7 +251,7 @@ class _ContactSystem(Jumping, Named):
         first = self.n_q == 0
         inputs = [(list(names.get(what, ())) + [""] * n)[:n] for what, n in (("controls", saved["controls"]), ("parameters", saved["parameters"]))]
         self.name = saved["name"]
-        self.names = [*([groups[1]] if first else groups if groups[2] else groups[:2]), *inputs]
+        self.names = [*(groups[first : 3 if groups[2] else 2]), *inputs]
         self._discrete = discrete
         self._enter(saved)
         self._adopt(graph, made, sum(n for _, n in blocks), *inputs)
@@ -262,7 +262,7 @@ class _ContactSystem(Jumping, Named):
         self._transitions = [_Transition.saved(t, roots) for t in saved.get("transitions", ())]
 
     def _enter(self, saved: Any) -> None:
-        """Sizes that only a scene has."""
+        """Sizes that not all of them have."""
 
     def function(self, outputs: Any, name: str = "f") -> Function:
         """A function of the states, controls, parameters and time."""
@@ -525,6 +525,9 @@ class Projected(_ContactSystem):
         self.names = [split(x, "x"), split(u, "u"), split(p, "p")]
         self._n_moving = len(self.names[0])
         self._begin(lib.swb_scene_create_projected, [len(n) for n in self.names], self._n_moving, *self.names[1:])
+
+    def _enter(self, saved: Any) -> None:
+        self._n_moving = saved["velocities"]
 
     def f(self, values: Any) -> None:
         """Set the derivatives of the states without constraints, one for each that is not discrete. They may switch, for simulation by events."""
