@@ -30,7 +30,7 @@ pub struct Contacts {
 #[derive(Debug, Clone)]
 enum Motion {
     /// The answer of a program.
-    Program(Track),
+    Program(Box<Track>),
     /// A simulation, with the modes of its phases.
     Simulation(Box<Run>, Vec<Vec<ContactMode>>),
 }
@@ -71,7 +71,7 @@ impl Contacts {
             sequence,
             tried: answer.tried,
             freezing,
-            motion: Motion::Program(track),
+            motion: Motion::Program(Box::new(track)),
         }
     }
 
@@ -108,7 +108,7 @@ impl Contacts {
         }
     }
 
-    fn piece<'a>(track: &'a Track, t: f64) -> Result<&'a Piece> {
+    fn piece(track: &Track, t: f64) -> Result<&Piece> {
         let (first, last) = (track.pieces.first(), track.pieces.last());
         let (Some(first), Some(last)) = (first, last) else {
             return Err(Error::State("there is no motion: solve first".into()));
