@@ -6332,7 +6332,7 @@ swb_status swb_run_contact_forces(const struct swb_run *run,
  * @param[in]  name    for messages; NULL or "" for none
  * @param[in]  initial what it begins with where bindings are not told otherwise
  * @param[out] state   its place among the states; may be NULL
- * @return SWB_OK; SWB_ERR_RANGE for a value that is not finite; SWB_ERR_UNSUPPORTED for projected systems
+ * @return SWB_OK; SWB_ERR_RANGE for a value that is not finite
  */
 SWB_API
 swb_status swb_scene_add_discrete(struct swb_scene *scene,
@@ -6343,8 +6343,8 @@ swb_status swb_scene_add_discrete(struct swb_scene *scene,
 /**
  * Add a transition to a scene: as swb_model_add_event, with the states of the scene. What is wrong with it is said by swb_scene_build.
  *
- * A reset may move bodies. Contacts, impacts and friction follow from the new state; bodies that overlap behind it, and constraints
- * that it leaves, end the run.
+ * A reset may move bodies. Contacts, impacts and friction follow from the new state; bodies that overlap behind it, constraints
+ * that it leaves, and states of a projected system outside of their set end the run.
  *
  * @param[in]  graph         the graph of the expressions
  * @param[in]  name          in results and reports, one line; NULL or "" for none
@@ -6360,7 +6360,7 @@ swb_status swb_scene_add_discrete(struct swb_scene *scene,
  * @param[in]  to_values     [n_to_values] behind the reset
  * @param[out] index         number of the transition; may be NULL
  * @return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions, and unknown directions, effects and triggers; SWB_ERR_DIMENSION where
- *         lists do not belong together; SWB_ERR_STATE for expressions of another graph; SWB_ERR_UNSUPPORTED for projected systems
+ *         lists do not belong together; SWB_ERR_STATE for expressions of another graph
  */
 SWB_API
 swb_status swb_scene_add_event(struct swb_scene *scene,
