@@ -4861,7 +4861,11 @@ swb_status swb_system_add_subsystem_indicators(struct swb_system *system,
  * Add an inclusion in the steps of switching functions: f(x, alpha, u, p, t) is added to the derivatives of some
  * states, where alpha_j is 1 where psi_j > 0, 0 where psi_j < 0, and anything between where psi_j = 0. There are no
  * modes: the discretisation takes such terms in the Heaviside form, and trajectories list every switching function as
- * two modes, psi_j > 0 and psi_j < 0, behind the subsystems.
+ * two modes, psi_j > 0 and psi_j < 0, behind the subsystems. Event-driven simulation does the same, behind the contacts of a
+ * scene. It keeps psi_j at zero by an alpha_j between 0 and 1 that solves d psi_j / dt = 0, which need not be linear in it; where
+ * several ways go on, the switch is not unique, and the option ambiguity says what follows. In a scene the row of a velocity is
+ * a force, and a coordinate is driven by none. Where forces of contacts push what psi_j depends on, and f is linear in every
+ * alpha_j, the weight is found with these forces: the modes are those of a contact that slides either way or sticks.
  *
  * @param[in]  rows  [n_rows] the states driven
  * @param[in]  f     n_rows outputs; it is made with as many states as the system has, plus one for each switching
@@ -4885,6 +4889,8 @@ swb_status swb_system_add_inclusion(struct swb_system *system,
  * the algebraic states is regular. They are solved where a run begins, behind every event and at every point of a result;
  * a run that comes to a singular matrix ends there, and says so. Modes may switch inside of the equations. Where neither of
  * two modes goes on beyond the surface between them, it is held by a weight of both, as by a relay in its own loop.
+ * In a scene they are the last of the states beside coordinates and velocities. Forces and friction may depend on them, gaps and
+ * constraints may not.
  * States that transitions alone change, and that stand behind all others as those of a model do, are not counted: add
  * transitions before.
  *

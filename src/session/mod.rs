@@ -69,7 +69,7 @@ impl Record {
 }
 
 /// Modes of the subsystems that can switch, those of contacts behind them: open, closed, sliding either way; and of the steps of inclusions
-/// behind those: 0 and 1.
+/// behind those: 1, where their function is positive, and 0.
 pub fn modes_of(system: &System) -> Vec<i64> {
     let system = system.with_switches();
     let contacts = system.mechanics().map_or(0, |m| m.contacts.len());

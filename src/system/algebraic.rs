@@ -160,8 +160,8 @@ impl Part {
 pub(super) struct Loop {
     /// Its place in the system; steps of inclusions stand behind all subsystems.
     pub(super) subsystem: usize,
-    /// A step, whose weight is an argument of functions: the inclusion and its number there. It is the number of its mode, or found where its
-    /// surface is held.
+    /// A step, whose weight is an argument of functions: the inclusion and its number there. It is 1 in the first mode and 0 in the
+    /// second one, or found where its surface is held.
     pub(super) step: Option<(usize, usize)>,
     pub(super) n_modes: usize,
     regions: Regions,
@@ -231,7 +231,7 @@ impl Loop {
     /// Its weight in one of its own modes.
     pub(super) fn weight_in(&self, mode: usize) -> f64 {
         if self.step.is_some() {
-            mode as f64
+            f64::from(mode == 0)
         } else {
             0.0
         }
@@ -241,8 +241,8 @@ impl Loop {
     fn surfaces(&self, system: &System, known: &[bool]) -> Vec<Held> {
         if let Some(step) = self.step {
             let by = held_by(system, step, known);
-            let terms: Vec<(usize, f64)> = self.exits(0).into_iter().flat_map(|e| e.0).collect();
-            return by.map(|by| Held { low: 0, high: 1, terms, by }).into_iter().collect();
+            let terms: Vec<(usize, f64)> = self.exits(1).into_iter().flat_map(|e| e.0).collect();
+            return by.map(|by| Held { low: 1, high: 0, terms, by }).into_iter().collect();
         }
         let (s, psi, z) = (&system.subsystems[self.subsystem], self.functions(), system.algebraic_states());
         let mut all: Vec<Held> = Vec::new();

@@ -99,10 +99,11 @@ impl Algebraic {
     }
 }
 
-/// The signs of one of `n` switching functions on the sides of its surface; the others do not count.
+/// The signs of one of `n` switching functions on the sides of its surface, as finite elements list them: positive, then negative. The others do
+/// not count.
 pub(super) fn signs_of_step(n: usize, j: usize) -> Vec<i8> {
     let mut signs = vec![0; 2 * n];
-    (signs[j], signs[n + j]) = (-1, 1);
+    (signs[j], signs[n + j]) = (1, -1);
     signs
 }
 

@@ -97,7 +97,7 @@ def test_a_weight_that_holds_its_surface_is_a_root():
     s, p, x0 = quadratic_step(), [0.7, 0.4, 0.9], [-0.5, 0.1]
     r = run(s, x0, 2.0, p)
     assert np.allclose(r.x_end, quadratic_end(np.array(x0), p), atol=1e-10)
-    assert [(e.before, e.after, e.unique) for e in r.switches] == [((0,), (0, 1), True)]
+    assert [(e.before, e.after, e.unique) for e in r.switches] == [((1,), (0, 1), True)]
     assert r.switches[0].t == pytest.approx(0.5 / 0.7, abs=1e-10)
     assert r.n_modes == (2,)
     check_derivatives(s, x0, 2.0, p, quadratic_end, free=(0, 1))
@@ -114,7 +114,7 @@ def test_it_leaves_where_the_weight_comes_to_its_end():
     on = np.arcsin(0.8)
     times = [e.t for e in r.switches]
     # held from the start (0.2 > 0); left upwards where sin t + 0.2 = 1
-    assert times[0] == pytest.approx(on, abs=1e-9) and r.switches[0].after == (1,)
+    assert times[0] == pytest.approx(on, abs=1e-9) and r.switches[0].after == (0,)
 
     def above(t):
         return np.cos(on) - np.cos(t) - 0.8 * (t - on)

@@ -165,6 +165,10 @@ class System(Handle):
         `n_psi` switching functions psi.
 
         The function sees x and alpha as one array of nx + n_psi states. Returns the number of the inclusion.
+
+        `simulate` keeps psi_j at zero by an alpha_j between 0 and 1 at which it has no rate, where neither side goes on; f need not be
+        linear in it. A switch from which several ways go on is not `unique`. In a scene the row of a velocity is a force, and no
+        coordinate is driven. Where forces of contacts push what psi depends on, only f that is linear in every alpha_j slides.
         """
         chosen, count = self._rows(rows), index(n_psi, "n_psi")
         c = self._switching(psi, count, "psi")
@@ -180,7 +184,8 @@ class System(Handle):
         Their initial values are guesses where the smooth equations determine them. `simulate` takes equations of index 1: they are
         solved where a run begins, behind every event, and at every point of a result. Modes may switch inside of them; where neither of two goes on
         beyond the surface between them, a weight of both holds it, as with a relay in its own loop. States that transitions alone change, and that
-        stand behind all others as those of a `Model` do, are not counted."""
+        stand behind all others as those of a `Model` do, are not counted. In a scene they are the last of its `states`; forces and friction may
+        depend on them, gaps and constraints may not."""
         count = index(n_z, "n_z")
         f = None if g is None else self._function(g, count, "g")
         self._do("set_algebraic", count, f)
