@@ -115,6 +115,8 @@ pub(in crate::ocp) enum RowOf {
 struct Here {
     /// Is it the start of the horizon?
     begins: bool,
+    /// Are the controls others than before?
+    is_new: bool,
     t: f64,
     dt: DVector<f64>,
     /// States of the simulation: cost, linear controls, states.
@@ -547,6 +549,7 @@ impl<'a> Shooting<'a> {
         let first = 1 + self.ramps.len();
         let mut here = Here {
             begins: true,
+            is_new: true,
             t: self.ocp.t0,
             dt: DVector::zeros(n),
             x: vec![0.0; first + d.x],
@@ -603,8 +606,8 @@ impl<'a> Shooting<'a> {
         for i in 0..self.cuts[k].len() {
             let cut = self.cuts[k][i];
             let part = cut - std::mem::replace(&mut before, cut);
-            let new = (i == 0).then_some(&slope[..]);
-            if !self.piece(here, (new, &dslope), part * length, by.map(|(at, share)| (at, part * share)))? {
+            here.is_new = i == 0;
+            if !self.piece(here, (&slope, &dslope), part * length, by.map(|(at, share)| (at, part * share)))? {
                 return Ok(false);
             }
             let last = cut == 1.0;
@@ -626,21 +629,22 @@ impl<'a> Shooting<'a> {
         Ok(true)
     }
 
-    /// Simulates a piece of a stage of this length, which changes with a variable; `new` are other controls than before.
+    /// Simulates a piece of a stage of this length, which changes with a variable, with these slopes of the controls.
     fn piece(
         &mut self,
         here: &mut Here,
-        (new, dslope): (Option<&[f64]>, &DMatrix<f64>),
+        (slope, dslope): (&[f64], &DMatrix<f64>),
         length: f64,
         by: Option<(usize, f64)>,
     ) -> Result<bool> {
         stop::check()?;
         let end = here.t + length;
-        if here.begins {
+        // modes are those of the state, where nothing has a memory that it does not tell
+        let begins = std::mem::take(&mut here.begins) || !self.ocp.is_simulated();
+        if begins {
             self.engine.reinit(here.t, &here.x)?;
-            here.begins = false;
         }
-        if let Some(slope) = new {
+        if begins || here.is_new {
             self.engine.set_params(&here.p)?;
             self.engine.set_controls(slope)?;
         }
