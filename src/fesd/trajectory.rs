@@ -36,6 +36,27 @@ pub struct Element {
     pub active_cells: Vec<bool>,
 }
 
+impl Element {
+    /// One in control stage `stage`, from a time on and so long, with states at its start `[nx]` and at the stage points `[n_s · nx]`, and without modes.
+    pub(crate) fn of_states(
+        tableau: &Tableau,
+        stage: usize,
+        (t, h): (f64, f64),
+        x0: Vec<f64>,
+        xs: Vec<f64>,
+    ) -> Element {
+        let (nx, n_s) = (x0.len(), tableau.n_s);
+        let a_inv = tableau.a_inv.as_deref().unwrap_or(&[]);
+        let slope = |k: usize| -> f64 {
+            let (i, r) = (k / nx, k % nx);
+            (0..n_s).map(|j| a_inv[i * n_s + j] * (xs[j * nx + r] - x0[r])).sum()
+        };
+        let hk = (0..n_s * nx).map(slope).collect();
+        let x1 = xs[(n_s - 1) * nx..].to_vec();
+        Element { t, h, stage, x0, x1, xs, hk, ..Element::default() }
+    }
+}
+
 /// What happens at a switch, by the active sets before and after.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]

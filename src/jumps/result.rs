@@ -198,26 +198,6 @@ fn rate(p: &Problem, track: &Track, piece: &Piece, i: usize, x: &[f64]) -> f64 {
 /// The motion of an answer: the state at the start of an element is the one behind a jump there.
 pub(crate) fn trajectory(answer: &Answer) -> Trajectory {
     let track = &answer.track;
-    let (nx, n_s) = (track.nx, track.tableau.n_s);
-    let a_inv = track.tableau.a_inv.as_deref().unwrap_or(&[]);
-    let element = |p: &Piece| Element {
-        t: p.t,
-        h: p.h,
-        stage: p.stage,
-        x0: p.x0.clone(),
-        x1: p.xs[(n_s - 1) * nx..].to_vec(),
-        xs: p.xs.clone(),
-        hk: (0..n_s * nx)
-            .map(|k| {
-                let (i, r) = (k / nx, k % nx);
-                (0..n_s).map(|j| a_inv[i * n_s + j] * (p.xs[j * nx + r] - p.x0[r])).sum()
-            })
-            .collect(),
-        theta: Vec::new(),
-        lambda: Vec::new(),
-        mu: Vec::new(),
-        active: Vec::new(),
-        active_cells: Vec::new(),
-    };
-    Trajectory::of_elements(&track.tableau, nx, track.pieces.iter().map(element).collect())
+    let element = |p: &Piece| Element::of_states(&track.tableau, p.stage, (p.t, p.h), p.x0.clone(), p.xs.clone());
+    Trajectory::of_elements(&track.tableau, track.nx, track.pieces.iter().map(element).collect())
 }

@@ -792,6 +792,15 @@ impl Ocp {
     }
 }
 
+/// Times at which stages of these lengths begin, and the end of the last: `[n_stages + 1]`.
+fn stage_times(t0: f64, durations: &[f64]) -> Vec<f64> {
+    let ends = durations.iter().scan(t0, |t, d| {
+        *t += d;
+        Some(*t)
+    });
+    std::iter::once(t0).chain(ends).collect()
+}
+
 fn check_bounds(what: &str, lower: &[f64], upper: &[f64], n: usize) -> Result<()> {
     if lower.len() != n || upper.len() != n {
         return Err(Error::Dimension(format!(

@@ -1,6 +1,6 @@
 //! Multipliers of the constraints of the last solution, and costates.
 
-use super::{Built, Ocp, OcpResult};
+use super::{stage_times, Built, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Fesd;
 use crate::func::EvalError;
@@ -70,13 +70,7 @@ impl Answer<'_> {
     }
 
     fn starts(&self) -> Vec<f64> {
-        let mut t = self.t0;
-        let mut out = vec![t];
-        out.extend(self.problem.stage_lengths(self.w).iter().map(|h| {
-            t += h;
-            t
-        }));
-        out
+        stage_times(self.t0, &self.problem.stage_lengths(self.w))
     }
 
     fn end(&self) -> f64 {
@@ -98,10 +92,7 @@ impl Answer<'_> {
 
     fn costates(&mut self) -> Result<Multipliers> {
         let found = self.problem.costates(self.w, self.y);
-        let values = found.map_err(|e| match e {
-            EvalError::Stopped => stop::error(),
-            _ => Error::NonFinite("a function of the model has no derivative at the solution".into()),
-        })?;
+        let values = found.map_err(no_derivative)?;
         Ok(Multipliers { times: self.starts(), values })
     }
 
@@ -119,11 +110,6 @@ impl Answer<'_> {
         let a = self;
         let t0 = a.t0;
         let d = o.system.dims();
-        let soft = |k: usize| {
-            let before = |end: bool| o.soft[..k].iter().filter(|s| s.at.is_none() == end).count();
-            let c = &o.soft[k];
-            (c.f.n_out(), before(c.at.is_none()), c.at.is_none())
-        };
         let start = |values: Vec<f64>| Multipliers { times: vec![t0], values };
         Ok(match of {
             MultipliersOf::Costates => {
@@ -161,7 +147,7 @@ impl Answer<'_> {
             }
             MultipliersOf::Relaxed(k) => {
                 // the lower bounds, then the upper ones: of a row at most one is active
-                let (width, before, at_end) = soft(k);
+                let (width, before, at_end) = o.place_of_relaxed(k);
                 let both = |row: usize| (row..row + width).map(|r| a.y[r] + a.y[r + width]).collect::<Vec<f64>>();
                 if at_end {
                     let row = a.problem.end_rows()[0][o.terminal.len() + before];
@@ -174,7 +160,22 @@ impl Answer<'_> {
     }
 }
 
+/// Why there is none.
+pub(super) fn no_derivative(e: EvalError) -> Error {
+    match e {
+        EvalError::Stopped => stop::error(),
+        _ => Error::NonFinite("a function of the model has no derivative at the solution".into()),
+    }
+}
+
 impl Ocp {
+    /// Outputs of a relaxed constraint, those before it at the same places, and whether these are the end of the horizon.
+    pub(super) fn place_of_relaxed(&self, k: usize) -> (usize, usize, bool) {
+        let c = &self.soft[k];
+        let before = self.soft[..k].iter().filter(|s| s.at.is_none() == c.at.is_none()).count();
+        (c.f.n_out(), before, c.at.is_none())
+    }
+
     /// Constraints of the kind of `of`, whose index does not count; 1 for what is no list.
     pub fn count_multipliers(&self, of: MultipliersOf) -> usize {
         match of {

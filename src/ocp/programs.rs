@@ -1,8 +1,16 @@
 //! What the program of a sequence ended at, as a search takes it.
 
-use super::OcpResult;
+use super::{Ocp, OcpResult};
 use crate::nlp::Outcome;
-use crate::search::{EarlyTermination, Rank};
+use crate::search::{EarlyTermination, Plan, Rank, Source};
+
+impl Ocp {
+    /// A search over these sources, see [`Plan`].
+    pub(super) fn plan(&self, sources: &[Source], effort: f64, least_tried: usize, any: bool) -> Plan {
+        let sources = sources.to_vec();
+        Plan { sources, effort, gain: self.settings.search_gain, least_tried, any }
+    }
+}
 
 impl OcpResult {
     /// A program that was given up has ended at a limit, and was not asked to stop.

@@ -261,7 +261,7 @@ impl Ocp {
     }
 
     /// The first state of the guess where there is one, the middle of the bounds elsewhere.
-    fn initial_guess_state(&self) -> Vec<f64> {
+    pub(super) fn initial_guess_state(&self) -> Vec<f64> {
         let bounds = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]);
         match &self.x_guess {
             Some((_, x)) => bounds.zip(x).map(|((l, u), x)| x.max(*l).min(*u)).collect(),

@@ -374,33 +374,12 @@ impl System {
         )))
     }
 
-    /// An error where optimal control cannot follow the transitions.
-    pub(crate) fn check_transitions_are_followed(&self) -> Result<()> {
-        if let Some(k) = self.transitions.iter().position(|t| !t.is_plain()) {
-            return Err(Error::Unsupported(format!(
-                "optimal control follows transitions of one comparison that act where it is true: transition {k} notes, stops, waits for an \
-                 edge, or joins comparisons"
-            )));
-        }
-        if let Some(k) = self.transitions.iter().position(|t| t.reset.as_ref().is_some_and(|r| r.switches)) {
-            return Err(Error::Unsupported(format!(
-                "optimal control follows smooth resets only: that of transition {k} switches or rounds"
-            )));
-        }
-        if self.mechanics.is_some() && !self.transitions.is_empty() {
-            return Err(Error::Unsupported(
-                "optimal control does not follow transitions (guards with resets or discrete states) of scenes: simulate the scene event-driven"
-                    .into(),
-            ));
-        }
-        if self.transitions.is_empty() || (self.n_z == 0 && self.inclusions.is_empty()) {
-            return Ok(());
-        }
-        Err(Error::Unsupported(
-            "optimal control follows transitions (guards with resets or discrete states) of systems without algebraic \
-             states and inclusions only"
-                .into(),
-        ))
+    /// Do programs of sequences follow the transitions: of one comparison that acts where it is true, with smooth resets, and with no contacts, algebraic
+    /// states or inclusions next to them?
+    pub(crate) fn has_programs_of_transitions(&self) -> bool {
+        let is_smooth = |t: &Transition| t.is_plain() && !t.reset.as_ref().is_some_and(|r| r.switches);
+        let alone = self.mechanics.is_none() && self.n_z == 0 && self.inclusions.is_empty();
+        self.transitions.iter().all(is_smooth) && (self.transitions.is_empty() || alone)
     }
 
     /// Is a discrete state driven by something else?

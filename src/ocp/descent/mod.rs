@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::random::SplitMix64;
 use crate::stop;
-pub(super) use shooting::{Given, Record, RowOf, Shooting};
+pub(super) use shooting::{Given, Record, RowOf, Shooting, SAME_POINT};
 pub(super) use sqp::{look_around, minimise, restore, Lowest, Program, Values};
 
 /// Simulations of the horizon of a descent at most.
@@ -188,6 +188,11 @@ fn can_vary(shooting: &Shooting) -> bool {
 /// By how much row `i` violates its bounds.
 pub(super) fn violation(values: &Values, [lower, upper]: [&[f64]; 2], i: usize) -> f64 {
     (lower[i] - values.rows[i]).max(values.rows[i] - upper[i]).max(0.0)
+}
+
+/// The same in units of what states and controls of their sizes change the row by.
+pub(super) fn missed(values: &Values, bounds: [&[f64]; 2], i: usize) -> f64 {
+    violation(values, bounds, i) / values.usual[i].max(f64::MIN_POSITIVE)
 }
 
 /// The end of a descent from `z`, or from the nearest point that meets the constraints where that is asked for; `None` where nothing is

@@ -23,7 +23,7 @@ const PIECES: usize = 3;
 /// Share of the largest multiplier above which a constraint acts at a point.
 const ACTS: f64 = 1e-6;
 /// Share of a stage below which two points are one, and from a point where a constraint acts to an end of those pieces that is none.
-const SAME_POINT: f64 = 1e-6;
+pub(in crate::ocp) const SAME_POINT: f64 = 1e-6;
 const NEXT: f64 = 0.05;
 
 /// Where the variables are.
@@ -376,6 +376,11 @@ impl<'a> Shooting<'a> {
     /// The problem that is simulated.
     pub fn extended(&self) -> &Extended {
         self.e
+    }
+
+    /// Number of control stages.
+    pub fn n_stages(&self) -> usize {
+        self.ocp.n_stages
     }
 
     /// States of the simulation in front of those of the system: the cost, linear controls.

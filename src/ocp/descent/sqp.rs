@@ -10,6 +10,7 @@
 //! Minimization Algorithms II*, 1993, ch. XV). Where such a model promises nothing any more, a convex combination of derivatives
 //! around the point vanishes: no direction leads down.
 
+use super::missed;
 use crate::error::Result;
 use crate::qp::{Condensing, Price, QpSolution, QpSolver, QpStatus, Row, StageQp, Terms};
 
@@ -57,7 +58,7 @@ const DAMPING: f64 = 0.2;
 const AROUND: f64 = 1e-4;
 const BENDING: f64 = 1e-5;
 const FLAT_AROUND: f64 = 1e-6;
-const STATIONARY: f64 = super::super::optimality::NONE;
+const STATIONARY: f64 = crate::ocp::optimality::NONE;
 
 /// A cost and constraints `lower ≤ c(z) ≤ upper` with their derivatives.
 #[derive(Debug, Clone, Default)]
@@ -110,6 +111,14 @@ pub(in crate::ocp) struct Lowest {
     pub left: f64,
     /// At a kink the points next to the end whose derivatives make up a combination that vanishes, with their weights; the rest of 1 is that of the end.
     pub beside: Vec<(f64, Vec<f64>)>,
+}
+
+impl Lowest {
+    /// The points whose derivatives make up those of the end, with their weights: the end itself, and at a kink what is next to it.
+    pub fn sides(&self) -> impl Iterator<Item = (f64, &[f64])> {
+        let own = 1.0 - self.beside.iter().map(|b| b.0).sum::<f64>();
+        std::iter::once((own, &self.z[..])).chain(self.beside.iter().map(|b| (b.0, &b.1[..])))
+    }
 }
 
 /// Values at the end of a step that failed.
@@ -184,8 +193,7 @@ pub(in crate::ocp) fn minimise(program: &mut dyn Program, z: &[f64], evaluations
 /// The largest violation of a constraint, as a share of what it is usually changed by.
 fn unmet(program: &dyn Program, v: &Values) -> f64 {
     let (lower, upper) = program.row_bounds();
-    let off = |i: usize| (lower[i] - v.rows[i]).max(v.rows[i] - upper[i]).max(0.0);
-    (0..v.rows.len()).map(|i| off(i) / v.usual[i].max(f64::MIN_POSITIVE)).fold(0.0, f64::max)
+    (0..v.rows.len()).map(|i| missed(v, [lower, upper], i)).fold(0.0, f64::max)
 }
 
 /// Looks around the end of a descent, at a distance that simulations tell from their errors: what first order promises there, with all pieces that meet

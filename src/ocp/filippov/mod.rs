@@ -15,7 +15,7 @@ use super::{Ocp, OcpResult};
 use crate::dcs::Dcs;
 use crate::error::{Error, Result};
 use crate::nlp::{allowance, Control, Outcome};
-use crate::search::{explore, Budget, Plan, Source};
+use crate::search::{explore, Budget, Source};
 use crate::settings::OcpStart;
 use crate::stop;
 
@@ -64,7 +64,7 @@ impl Ocp {
             let mut space = Filippov::new(self, None, out.known.clone(), request, control)?;
             let all = [Source::Guess, Source::Smoothing, Source::Samples, Source::Relaxation];
             let sources = if request.start == OcpStart::Smoothing { &all[1..2] } else { &all[..] };
-            let plan = Plan { effort: self.settings.search_effort, ..self.plan(sources, request.search) };
+            let plan = self.plan(sources, self.settings.search_effort, request.search, false);
             let mut all = match explore(&mut space, &plan, known, &mut spent.budget, control) {
                 // nothing was found before
                 Err(Error::Interrupted | Error::OutOfTime) => Vec::new(),
@@ -102,10 +102,6 @@ impl Ocp {
         self.adopt(out, request, control, clock)
     }
 
-    fn plan(&self, sources: &[Source], least_tried: usize) -> Plan {
-        Plan { sources: sources.to_vec(), effort: 0.0, gain: self.settings.search_gain, least_tried, any: false }
-    }
-
     /// What an answer of before leads to, and whether that costs as much as was expected.
     fn go_on_from(
         &self,
@@ -120,7 +116,7 @@ impl Ocp {
         let expected = last.priced + noise;
         let mut space = Filippov::new(self, Some(last), out.known.clone(), request, control)?;
         let mut step = |source: Source, least: usize, known: Known, control: &mut Control| -> Result<Known> {
-            let plan = self.plan(&[source], least);
+            let plan = self.plan(&[source], 0.0, least, false);
             Ok(explore(&mut space, &plan, known, &mut spent.budget, control)?.all)
         };
         let cost = |known: &Known| known.first().filter(|k| k.0.rank.feasible).map_or(f64::INFINITY, |k| k.0.rank.cost);

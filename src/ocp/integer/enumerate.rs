@@ -16,7 +16,7 @@ use crate::nlp::Control;
 use crate::ocp::accuracy::{values, Answer, Replay};
 use crate::ocp::extend::Extended;
 use crate::ocp::request::Request;
-use crate::ocp::{Durations, Ocp};
+use crate::ocp::{stage_times, Durations, Ocp};
 use crate::search::Budget;
 use crate::system::SharedFunction;
 
@@ -170,11 +170,7 @@ impl<'a> Simulated<'a> {
             x_bounds: [&[], &[]],
         };
         let replay = Replay::new(&e.system, ocp.projected.as_ref(), e.lagrange.as_ref(), &answer, &request.options)?;
-        let ends = ocp.durations.iter().scan(ocp.t0, |t, h| {
-            *t += h;
-            Some(*t)
-        });
-        let times = std::iter::once(ocp.t0).chain(ends).collect();
+        let times = stage_times(ocp.t0, &ocp.durations);
         let mut all = Simulated { ocp, levels, e, replay, params, controls, times, left: Vec::new() };
         all.left = all.least_left();
         Ok(all)

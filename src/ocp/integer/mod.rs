@@ -26,7 +26,7 @@ use super::solve::Start;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::nlp::{Control, Outcome, Statistics};
-use crate::search::{explore, Budget, Plan, Source};
+use crate::search::{explore, Budget, Source};
 use crate::stop::{self, Why};
 
 /// What an exact search says.
@@ -125,16 +125,9 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<SearchOver> {
         let is_cold = last.is_none();
-        let plan = Plan {
-            sources: match is_cold {
-                true => vec![Source::Guess, Source::Relaxation, Source::Simulation, Source::Samples],
-                false => vec![Source::Guess],
-            },
-            effort: if is_cold { self.settings.search_effort } else { 0.0 },
-            gain: self.settings.search_gain,
-            least_tried: request.search,
-            any: !self.has_costs(),
-        };
+        let all = [Source::Guess, Source::Relaxation, Source::Simulation, Source::Samples];
+        let (sources, effort) = if is_cold { (&all[..], self.settings.search_effort) } else { (&all[..1], 0.0) };
+        let plan = self.plan(sources, effort, request.search, !self.has_costs());
         let mut space = Choices::new(self, last, request)?;
         let convex = is_cold && self.relaxes_to_convex();
         if convex {

@@ -1,23 +1,22 @@
 //! The end of a descent in the user's terms: controls, the motion that a simulation of them is, its events.
 
+use super::judged;
 use super::space::{failure, MET};
 use crate::error::{Error, Result};
 use crate::event::Run;
 use crate::fesd::{Element, Trajectory};
 use crate::mpcc::Polish;
 use crate::nlp::{Outcome, Residuals};
-use crate::ocp::descent::{violation, Lowest, Program, Shooting, Values};
+use crate::ocp::descent::{missed, violation, Lowest, Program, Shooting, Values};
 use crate::ocp::request::Request;
-use crate::ocp::transitions::JumpMade;
-use crate::ocp::{Adaptation, Contacts, Ocp, OcpResult, Round};
+use crate::ocp::transitions::{JumpMade, AT_END};
+use crate::ocp::{stage_times, Adaptation, Contacts, Ocp, OcpResult, Round};
 use crate::tableau::{Family, Tableau};
 
 /// Points of an element of the motion that is reported: those of Radau's method, whose order dense output has.
 const POINTS: usize = 3;
 /// Share of an element by which its start is looked at behind an event there.
 const BEHIND: f64 = 1e-9;
-/// Share of a stage within which an event is at its end: simulations to other tolerances have it before or behind that.
-const AT_END: f64 = 1e-6;
 
 impl Ocp {
     /// The result of a descent.
@@ -71,12 +70,12 @@ impl Ocp {
         }
         let beside = self.write_motion((run, behind), shooting.n_front(), &mut r)?;
         r.residuals.dual = lowest.left;
-        let gradient = shooting.gradient(lowest)?;
         if let (Some(c), true) = (request.comparison, solved) {
             let found = self.compare_motion(&r, &beside, c, &request.options)?;
             let other = found.contradicts(self.cost_size(r.priced));
             r.accuracy = Some(found);
-            r.optimality = Some(self.judge_simulated(lowest, other, shooting.own_controls(&gradient)));
+            let gradient = shooting.gradient(lowest)?;
+            r.optimality = Some(judged(lowest, other, shooting.own_controls(&gradient)));
             r.adaptation = self.simulated_adaptation(&r);
         }
         Ok(r)
@@ -85,7 +84,7 @@ impl Ocp {
     /// What constraint is missed by how much.
     fn missed_text(&self, shooting: &Shooting, v: &Values) -> String {
         let (lower, upper) = shooting.row_bounds();
-        let share = |i: usize| violation(v, [lower, upper], i) / v.usual[i].max(f64::MIN_POSITIVE);
+        let share = |i: usize| missed(v, [lower, upper], i);
         let worst = (0..v.rows.len()).max_by(|a, b| share(*a).total_cmp(&share(*b)));
         let Some(i) = worst else { return String::new() };
         format!(
@@ -109,7 +108,7 @@ impl Ocp {
     ) -> Result<Vec<Option<Vec<f64>>>> {
         let path = run.path.as_ref().ok_or_else(|| Error::Internal("a simulation without output".into()))?;
         let tableau = r.trajectory.tableau().clone();
-        let (nx, a_inv) = (self.system.dims().x, tableau.a_inv.clone().unwrap_or_default());
+        let nx = self.system.dims().x;
         let mut events: Vec<f64> = run.jumps.iter().map(|j| j.t).collect();
         events.extend(run.impacts.iter().map(|i| i.t));
         events.extend(run.switches.iter().map(|s| s.t));
@@ -137,13 +136,7 @@ impl Ocp {
                     for c in &tableau.c {
                         xs.extend(state(t + c * h)?);
                     }
-                    let slope = |k: usize| -> f64 {
-                        let (i, s) = (k / nx, k % nx);
-                        (0..POINTS).map(|j| a_inv[i * POINTS + j] * (xs[j * nx + s] - x0[s])).sum()
-                    };
-                    let hk = (0..POINTS * nx).map(slope).collect();
-                    let x1 = xs[(POINTS - 1) * nx..].to_vec();
-                    r.trajectory.elements.push(Element { t, h, stage, x0, x1, xs, hk, ..Element::default() });
+                    r.trajectory.elements.push(Element::of_states(&tableau, stage, (t, h), x0, xs));
                 }
             }
             let near = |t: &&f64| (*t - end).abs() <= AT_END * length;
@@ -156,9 +149,7 @@ impl Ocp {
             });
             start = end;
         }
-        let mut ends = vec![self.t0];
-        r.durations.iter().for_each(|d| ends.push(ends[ends.len() - 1] + d));
-        ends.remove(0);
+        let ends = &stage_times(self.t0, &r.durations)[1..];
         let stage_of = |t: f64| ends.iter().take_while(|e| **e < t).count().min(self.n_stages - 1);
         r.jumps = run
             .jumps
@@ -173,7 +164,7 @@ impl Ocp {
             })
             .collect();
         if run.mechanics.is_some() {
-            r.contacts = Some(Contacts::of_run(run, &ends));
+            r.contacts = Some(Contacts::of_run(run, ends));
         }
         Ok(beside)
     }

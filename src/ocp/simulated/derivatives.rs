@@ -3,7 +3,7 @@
 use super::Last;
 use crate::error::{Error, Result};
 use crate::ocp::descent::{Lowest, Program, Record, RowOf, Shooting, Values};
-use crate::ocp::{Multipliers, MultipliersOf, Ocp, OcpSensitivity};
+use crate::ocp::{stage_times, Multipliers, MultipliersOf, Ocp, OcpSensitivity};
 use nalgebra::{DMatrix, DVector};
 
 /// Step of the central differences of first derivatives, as a share of the size of what is moved: the third root of the tolerance of the simulations.
@@ -29,10 +29,6 @@ impl Costates {
     fn values_mut(&mut self) -> impl Iterator<Item = &mut f64> {
         self.states.iter_mut().flatten().chain(&mut self.params).chain(&mut self.start)
     }
-
-    fn scale(&mut self, by: f64) {
-        self.values_mut().for_each(|v| *v *= by);
-    }
 }
 
 fn missing() -> Error {
@@ -52,9 +48,8 @@ fn lagrangian(values: &Values, multipliers: &[f64]) -> Vec<f64> {
 impl Shooting<'_> {
     /// The gradient of the Lagrange function at the end of a descent: at a kink a combination of those on its sides.
     pub(super) fn gradient(&mut self, found: &Lowest) -> Result<Vec<f64>> {
-        let own = 1.0 - found.beside.iter().map(|b| b.0).sum::<f64>();
         let mut sum = vec![0.0; found.z.len()];
-        for (weight, z) in std::iter::once((own, &found.z)).chain(found.beside.iter().map(|b| (b.0, &b.1))) {
+        for (weight, z) in found.sides() {
             let values = self.simulated_at(z)?.ok_or_else(missing)?;
             sum.iter_mut().zip(lagrangian(&values, &found.multipliers)).for_each(|(s, g)| *s += weight * g);
         }
@@ -83,13 +78,11 @@ impl Shooting<'_> {
 
     /// Costates at the end of a descent: at a kink a combination of those of the motions on its sides.
     fn costates(&mut self, found: &Lowest) -> Result<Costates> {
-        let own = 1.0 - found.beside.iter().map(|b| b.0).sum::<f64>();
-        let mut sum = self.costates_at(&found.z, &found.multipliers)?;
-        sum.scale(own);
-        for (weight, z) in &found.beside {
-            let mut other = self.costates_at(z, &found.multipliers)?;
-            other.scale(*weight);
-            sum.values_mut().zip(other.values_mut()).for_each(|(a, b)| *a += *b);
+        let (n, d) = (self.n_stages(), self.extended().system.dims());
+        let mut sum = Costates { states: vec![vec![0.0; d.x]; n + 1], params: vec![0.0; d.p], start: vec![0.0; d.x] };
+        for (weight, z) in found.sides() {
+            let mut side = self.costates_at(z, &found.multipliers)?;
+            sum.values_mut().zip(side.values_mut()).for_each(|(a, b)| *a += weight * *b);
         }
         Ok(sum)
     }
@@ -120,7 +113,7 @@ impl Shooting<'_> {
                     if std::mem::take(&mut at_end) {
                         found.states.push(along[first..].to_vec());
                     }
-                    let by = |m: &nalgebra::DMatrix<f64>| -> Vec<f64> {
+                    let by = |m: &DMatrix<f64>| -> Vec<f64> {
                         m.column_iter().map(|c| c.iter().zip(&along).map(|(a, b)| a * b).sum()).collect()
                     };
                     let (states, params) = (by(x), by(p));
@@ -146,6 +139,8 @@ struct Conditions {
     unit: f64,
     /// At the end of the descent.
     here: Vec<f64>,
+    /// Derivatives of the rows that act by all variables there, row by row.
+    slopes: Vec<f64>,
 }
 
 impl Conditions {
@@ -155,7 +150,9 @@ impl Conditions {
         let free: Vec<usize> = (0..found.z.len()).filter(|&j| !s.holds(&found.z, j, &gradient)).collect();
         let (active, weak) = s.active(&values, &found.multipliers);
         let multipliers = found.multipliers.clone();
-        let mut out = Conditions { free, active, weak, multipliers, unit: found.unit, here: Vec::new() };
+        let n = found.z.len();
+        let slopes = active.iter().flat_map(|&i| values.jacobian[i * n..(i + 1) * n].to_vec()).collect();
+        let mut out = Conditions { free, active, weak, multipliers, unit: found.unit, here: Vec::new(), slopes };
         out.here = out.of(&values);
         Ok(out)
     }
@@ -185,7 +182,6 @@ impl Conditions {
 
     /// Their derivatives by the variables and multipliers; nothing where there are none.
     fn matrix(&self, s: &mut Shooting, z: &[f64]) -> Result<Option<DMatrix<f64>>> {
-        let values = s.simulated_at(z)?.ok_or_else(missing)?;
         let (n, m) = (self.free.len(), self.active.len());
         let size: Vec<f64> = s.bounds().2.to_vec();
         let mut kkt = DMatrix::<f64>::zeros(n + m, n + m);
@@ -197,8 +193,8 @@ impl Conditions {
             })?;
             let Some(column) = column else { return Ok(None) };
             (0..n).for_each(|i| kkt[(i, c)] = column[i]);
-            for (k, &row) in self.active.iter().enumerate() {
-                let slope = values.jacobian[row * z.len() + j];
+            for k in 0..m {
+                let slope = self.slopes[k * z.len() + j];
                 (kkt[(n + k, c)], kkt[(c, n + k)]) = (slope, slope);
             }
         }
@@ -228,8 +224,7 @@ impl Ocp {
         let (z, mu) = (&last.lowest.z, &last.lowest.multipliers);
         let d = self.system.dims();
         let r = self.result.as_ref().ok_or_else(missing)?;
-        let mut starts = vec![self.t0];
-        r.durations.iter().for_each(|h| starts.push(starts[starts.len() - 1] + h));
+        let mut starts = stage_times(self.t0, &r.durations);
         let at_start = |values: Vec<f64>| Multipliers { times: vec![self.t0], values };
         let rows = s.rows();
         let time = |(_, k, share): (RowOf, usize, f64)| starts[k] + share * (starts[k + 1] - starts[k]);
@@ -279,12 +274,10 @@ impl Ocp {
             MultipliersOf::Terminal(k) => at_end(of_rows(RowOf::Terminal(k), self.terminal[k].f.n_out())),
             MultipliersOf::Boundary(k) => at_end(of_rows(RowOf::Boundary(k), self.boundary[k].f.n_out())),
             MultipliersOf::Relaxed(k) => {
-                let c = &self.soft[k];
-                let before = self.soft[..k].iter().filter(|s| s.at.is_none() == c.at.is_none()).count();
-                let width = c.f.n_out();
-                let both = match c.at {
-                    Some(_) => of_rows(RowOf::Path(self.path.len() + before), 2 * width),
-                    None => at_end(of_rows(RowOf::Terminal(self.terminal.len() + before), 2 * width)),
+                let (width, before, is_at_end) = self.place_of_relaxed(k);
+                let both = match is_at_end {
+                    false => of_rows(RowOf::Path(self.path.len() + before), 2 * width),
+                    true => at_end(of_rows(RowOf::Terminal(self.terminal.len() + before), 2 * width)),
                 };
                 // the lower bounds, then the upper ones: of a row at most one is active
                 let one = |v: &[f64]| (0..width).map(|i| v[i] + v[i + width]).collect::<Vec<f64>>();

@@ -17,17 +17,17 @@ use std::time::Instant;
 use self::space::{descend, Simulations, MET};
 use super::accuracy::Accuracy;
 use super::between::Between;
-use super::descent::{look_around, restore, Given, Lowest, Shooting};
+use super::descent::{look_around, restore, Given, Lowest, Shooting, SAME_POINT};
 use super::extend::Extended;
 use super::optimality::{Optimality, Verdict};
 use super::portfolio::SEARCH;
 use super::request::Request;
 use super::solve::Start;
-use super::{Ocp, OcpResult};
+use super::{stage_times, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
-use crate::nlp::{middle, Control, Outcome, Statistics};
-use crate::search::{self, explore, Budget, Plan, Source};
+use crate::nlp::{Control, Outcome, Statistics};
+use crate::search::{self, explore, Budget, Source};
 use crate::settings::OcpStart;
 use crate::stop::{self, Why};
 use crate::system::{Kind, Order, System};
@@ -39,8 +39,6 @@ const AGAIN: usize = 5;
 const GAIN: f64 = 1e-9;
 /// Rounds in which points are added where a constraint is violated between others: each divides the violation by four at least.
 const ROUNDS: usize = 7;
-/// Share of a stage below which two points are one.
-const SAME_POINT: f64 = 1e-6;
 
 /// What is varied, and what stands for all that is not.
 pub(super) struct Base {
@@ -78,12 +76,11 @@ pub(super) struct State {
 
 /// Do finite elements and programs of modes not follow a system that is simulated?
 pub(super) fn only_simulates(s: &System) -> bool {
-    let plain = s.check_transitions_are_followed().is_ok();
+    let plain = s.has_programs_of_transitions();
     let Some(m) = s.mechanics() else { return !plain };
-    let transitions = !s.transitions().is_empty();
     let choices = m.order == Order::Second && !s.choices().is_empty();
     let in_space = m.contacts.iter().any(|c| c.kind == Kind::Unilateral && c.n_tangents > 1);
-    !plain || transitions || choices || in_space || m.check_contacts("optimal control").is_err()
+    !plain || choices || in_space || m.check_contacts("optimal control").is_err()
 }
 
 impl Ocp {
@@ -135,7 +132,7 @@ impl Ocp {
             let mut shooting = base.shooting(self, &cuts)?;
             let before = shooting.steps;
             if cut.is_none() {
-                match self.finish(&mut shooting, lowest.clone(), control, &mut budget) {
+                match finish(&mut shooting, lowest.clone(), control, &mut budget) {
                     Ok(better) => lowest = better,
                     Err(Error::Interrupted | Error::OutOfTime) => {
                         cut = Some(stop::requested().unwrap_or(Why::Interrupted))
@@ -177,16 +174,12 @@ impl Ocp {
         if let Some(r) = last.filter(|_| self.stage_params.is_none()) {
             extended.params.chunks_mut(wide).for_each(|p| p[..r.params.len()].copy_from_slice(&r.params));
         }
-        let bounds = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]);
-        let own: Vec<f64> = match &self.x_guess {
-            Some((_, x)) => bounds.zip(x).map(|((l, u), x)| x.max(*l).min(*u)).collect(),
-            None => bounds.map(|(l, u)| middle(*l, *u)).collect(),
-        };
+        let known = last.and_then(|r| r.trajectory.elements.first());
         Ok(Base {
             extended,
             usual: self.known_or_own_sizes()?,
             durations: last.map_or(&self.durations, |r| &r.durations).clone(),
-            x0: last.and_then(|r| r.trajectory.elements.first()).map_or(own, |e| e.x0.clone()),
+            x0: known.map_or_else(|| self.initial_guess_state(), |e| e.x0.clone()),
             cost: last.map_or(0.0, |r| r.cost_reached),
         })
     }
@@ -200,13 +193,7 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<search::Found<Lowest, Vec<u64>>> {
         let mut space = Simulations::new(self, shooting, last);
-        let plan = |sources: &[Source], effort: f64| Plan {
-            sources: sources.to_vec(),
-            effort,
-            gain: self.settings.search_gain,
-            least_tried: request.search,
-            any: !self.has_costs(),
-        };
+        let plan = |sources: &[Source], effort: f64| self.plan(sources, effort, request.search, !self.has_costs());
         if last.is_some() {
             let found = explore(&mut space, &plan(&[Source::Guess], 0.0), Vec::new(), budget, control)?;
             if found.all.first().is_some_and(|f| f.0.violation <= MET) || stop::requested().is_some() {
@@ -219,39 +206,9 @@ impl Ocp {
         explore(&mut space, &plan, Vec::new(), budget, control)
     }
 
-    /// Descends from the end of a descent until that gains nothing, with the constraints met as well as they can be.
-    fn finish(
-        &self,
-        shooting: &mut Shooting,
-        mut lowest: Lowest,
-        control: &mut Control,
-        budget: &mut Budget,
-    ) -> Result<Lowest> {
-        for _ in 0..AGAIN {
-            if lowest.stationary && lowest.violation <= MET {
-                break;
-            }
-            let start = restore(shooting, &lowest.z)?.unwrap_or_else(|| lowest.z.clone());
-            let Some(next) = descend(shooting, &start, LAST, control)? else { break };
-            budget.stats.iterations += next.evaluations;
-            budget.stats.evaluations += next.evaluations;
-            let gained = lowest.cost - next.cost > GAIN * lowest.cost.abs() || next.violation < 0.5 * lowest.violation;
-            // what meets the constraints is not given up for what is cheaper and does not
-            if next.violation <= MET.max(lowest.violation) {
-                lowest = next;
-            }
-            if !gained {
-                break;
-            }
-        }
-        look_around(shooting, &mut lowest)?;
-        Ok(lowest)
-    }
-
     /// Points at which constraints are violated, between those at which they are looked at. Are there new ones?
     fn add_cuts(&self, cuts: &mut [Vec<f64>], violated: &[Between], r: &OcpResult) -> bool {
-        let mut starts = vec![self.t0];
-        r.durations.iter().for_each(|d| starts.push(starts[starts.len() - 1] + d));
+        let starts = stage_times(self.t0, &r.durations);
         let mut added = false;
         for b in violated {
             let share = (b.t - starts[b.stage]) / r.durations[b.stage];
@@ -264,18 +221,41 @@ impl Ocp {
         }
         added
     }
+}
 
-    /// What a descent says of its end, and whether another simulation contradicts it.
-    fn judge_simulated(&self, s: &Lowest, contradicted: bool, gradient: Vec<f64>) -> Optimality {
-        let doubt = match (s.stationary, contradicted) {
-            (_, true) => Some(super::optimality::CONTRADICTED),
-            (false, _) => Some("the last descent did not end at a point from which no direction leads down"),
-            _ => None,
-        };
-        let mut out = Optimality::of_one_order(doubt, "", s.left, gradient, Vec::new());
-        if doubt.is_none() {
-            out.certify_by_descent(if s.kink { Verdict::Kink } else { Verdict::LocalOptimum });
+/// Descends from the end of a descent until that gains nothing, with the constraints met as well as they can be.
+fn finish(shooting: &mut Shooting, mut lowest: Lowest, control: &mut Control, budget: &mut Budget) -> Result<Lowest> {
+    for _ in 0..AGAIN {
+        if lowest.stationary && lowest.violation <= MET {
+            break;
         }
-        out
+        let start = restore(shooting, &lowest.z)?.unwrap_or_else(|| lowest.z.clone());
+        let Some(next) = descend(shooting, &start, LAST, control)? else { break };
+        budget.stats.iterations += next.evaluations;
+        budget.stats.evaluations += next.evaluations;
+        let gained = lowest.cost - next.cost > GAIN * lowest.cost.abs() || next.violation < 0.5 * lowest.violation;
+        // what meets the constraints is not given up for what is cheaper and does not
+        if next.violation <= MET.max(lowest.violation) {
+            lowest = next;
+        }
+        if !gained {
+            break;
+        }
     }
+    look_around(shooting, &mut lowest)?;
+    Ok(lowest)
+}
+
+/// What a descent says of its end, and whether another simulation contradicts it.
+fn judged(s: &Lowest, contradicted: bool, gradient: Vec<f64>) -> Optimality {
+    let doubt = match (s.stationary, contradicted) {
+        (_, true) => Some(super::optimality::CONTRADICTED),
+        (false, _) => Some("the last descent did not end at a point from which no direction leads down"),
+        _ => None,
+    };
+    let mut out = Optimality::of_one_order(doubt, "", s.left, gradient, Vec::new());
+    if doubt.is_none() {
+        out.certify_by_descent(if s.kink { Verdict::Kink } else { Verdict::LocalOptimum });
+    }
+    out
 }

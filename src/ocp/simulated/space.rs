@@ -2,9 +2,9 @@
 
 use std::rc::Rc;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::nlp::{Control, IterationInfo, Outcome};
-use crate::ocp::descent::{minimise, violation, Lowest, Program, Shooting, Values};
+use crate::ocp::descent::{self, minimise, Lowest, Program, Shooting, Values};
 use crate::ocp::{transitions, Ocp, OcpResult};
 use crate::search::{Budget, Candidate, Limits, Neighbour, Rank, Sampler, Source, Space};
 use crate::stop;
@@ -20,8 +20,7 @@ type Start = Rc<Vec<f64>>;
 /// Controls, with lengths, parameters and initial states that are free.
 pub(super) struct Simulations<'a> {
     ocp: &'a Ocp,
-    pub shooting: Shooting<'a>,
-    states: usize,
+    shooting: Shooting<'a>,
     /// An answer of before.
     last: Option<&'a OcpResult>,
     /// Controls that are tried without a search, those that come first last.
@@ -34,7 +33,7 @@ impl<'a> Simulations<'a> {
         let mut controls = transitions::extremes(ocp);
         controls.reverse();
         let sampler = Sampler::new(ocp.settings.search_seed as u64);
-        Simulations { ocp, shooting, states: ocp.system.dims().x, last, controls, sampler }
+        Simulations { ocp, shooting, last, controls, sampler }
     }
 
     fn candidate(&self, controls: (&[f64], &[f64])) -> Candidate<Vec<u64>, Start> {
@@ -44,7 +43,7 @@ impl<'a> Simulations<'a> {
 
     /// Counts the steps since there were `before`.
     fn count(&self, before: usize, budget: &mut Budget) {
-        budget.simulated(self.states, self.shooting.steps - before);
+        budget.simulated(self.ocp.system.dims().x, self.shooting.steps - before);
     }
 
     /// Random controls, those first whose simulations miss the constraints least and cost least.
@@ -73,7 +72,7 @@ impl<'a> Simulations<'a> {
 /// The largest violation of a constraint in units of what states and controls of their sizes change it by, none where it is within [`MET`].
 fn missed(shooting: &Shooting, v: &Values) -> f64 {
     let (lower, upper) = shooting.row_bounds();
-    let of = |i: usize| violation(v, [lower, upper], i) / v.usual[i].max(f64::MIN_POSITIVE);
+    let of = |i: usize| descent::missed(v, [lower, upper], i);
     (0..v.rows.len()).map(of).filter(|m| *m > MET).fold(0.0, f64::max)
 }
 
@@ -142,7 +141,7 @@ pub(super) fn descend(
     if let (Some(f), Some(monitor)) = (&found, control.monitor.as_mut()) {
         let told = IterationInfo { iter: f.evaluations, objective: f.cost, inf_pr: f.violation, ..Default::default() };
         if !monitor(&told) {
-            return Err(crate::error::Error::Interrupted);
+            return Err(Error::Interrupted);
         }
     }
     Ok(found)

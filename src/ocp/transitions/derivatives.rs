@@ -3,16 +3,14 @@
 use super::automaton::{Automaton, Sequence};
 use super::guess::Guess;
 use super::program::{Assembled, Program};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fesd::{Exit, Sizes};
-use crate::func::EvalError;
 use crate::mpcc::{Change, Mpcc, Solution, Tangent};
 use crate::ocp::joint::Plan;
-use crate::ocp::multipliers::{Answer, Multipliers, MultipliersOf};
+use crate::ocp::multipliers::{no_derivative, Answer, Multipliers, MultipliersOf};
 use crate::ocp::request::Request;
 use crate::ocp::sensitivity::{conditions, no_value, parameter, OcpSensitivity, Params};
 use crate::ocp::Ocp;
-use crate::stop;
 
 /// The program of an answer, to be built again where its derivatives are asked for, and where it ended.
 pub(in crate::ocp) struct Kept {
@@ -217,13 +215,6 @@ impl Given {
         }
         let couplings = program.couplings();
         plan.links.iter_mut().zip(couplings).for_each(|(l, c)| l.coupling = c);
-    }
-}
-
-fn no_derivative(e: EvalError) -> Error {
-    match e {
-        EvalError::Stopped => stop::error(),
-        _ => Error::NonFinite("a function of the model has no derivative at the solution".into()),
     }
 }
 

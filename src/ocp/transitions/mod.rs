@@ -26,17 +26,17 @@ use super::between::Rows;
 use super::optimality::{Kink, Optimality, OTHER};
 use super::request::{Comparison, Request};
 use super::solve::Start;
-use super::{Durations, Ocp, OcpResult, TransitionAt};
+use super::{stage_times, Durations, Ocp, OcpResult, TransitionAt};
 use crate::error::{Error, Result};
 use crate::nlp::{Control, Outcome, SecondOrder};
-use crate::search::{self, explore, Budget, Limits, Plan, Source, Space};
+use crate::search::{self, explore, Budget, Limits, Source, Space};
 use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
 use crate::stop;
 
 /// Distance of a transition from the end of a stage, as a share of the stage, at which it is there, and share of the range of a guard at which it
 /// touches zero.
-const AT_END: f64 = 1e-6;
+pub(super) const AT_END: f64 = 1e-6;
 const TOUCHES: f64 = 1e-6;
 
 /// A transition of an answer.
@@ -164,13 +164,7 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<(search::Found<Ended, Sequence>, Automaton)> {
         let mut space = Transitions::new(self, last, request)?;
-        let plan = |sources: &[Source], effort: f64| Plan {
-            sources: sources.to_vec(),
-            effort,
-            gain: self.settings.search_gain,
-            least_tried: request.search,
-            any: self.is_determined(),
-        };
+        let plan = |sources: &[Source], effort: f64| self.plan(sources, effort, request.search, self.is_determined());
         if let (None, Some(modes)) = (last, &self.modes) {
             let given = space.given(modes, budget)?;
             let found = match request.search {
@@ -219,13 +213,7 @@ impl Ocp {
         let other = r.accuracy.as_ref().is_some_and(|a| a.contradicts(self.cost_size(r.priced)));
         let mut kinks = Vec::new();
         let kink = Kink::without_derivatives;
-        let lengths = r.durations.iter();
-        let ends: Vec<f64> = lengths
-            .scan(self.t0, |t, d| {
-                *t += d;
-                Some(*t)
-            })
-            .collect();
+        let ends = &stage_times(self.t0, &r.durations)[1..];
         for j in &r.jumps {
             let stage =
                 ends.iter().take(self.n_stages - 1).position(|t| (j.t - t).abs() <= AT_END * r.durations[j.stage]);
