@@ -191,6 +191,15 @@ impl Ocp {
     /// its bound at all points together. Known of exact solutions ([`crate::mpcc::Polish::Done`]) of problems without contacts,
     /// and of smooth ones. Of discrete states they are zero, and costates are those before a transition that is made at the same time.
     pub fn multipliers(&mut self, of: MultipliersOf) -> Result<Multipliers> {
+        let mut found = self.found_multipliers(of)?;
+        if matches!(of, MultipliersOf::Costates | MultipliersOf::InitialState | MultipliersOf::States) {
+            let discrete = self.system.discrete_states();
+            found.values.chunks_mut(self.system.dims().x).for_each(|x| discrete.iter().for_each(|&i| x[i] = 0.0));
+        }
+        Ok(found)
+    }
+
+    fn found_multipliers(&mut self, of: MultipliersOf) -> Result<Multipliers> {
         let simulated = self.is_simulated();
         if self.system.mechanics().is_some() && !simulated {
             return Err(Error::State("multipliers are not known of problems with contacts".into()));

@@ -107,3 +107,15 @@ def test_what_is_refused():
     ocp.add_complementarity(s.u[0], s.u[0])
     with pytest.raises(swb.UnsupportedError, match="complementarity"):
         ocp.solve()
+
+
+def test_discrete_states_have_no_multipliers():
+    s = swb.Scene("x", u="push")
+    hit = s.discrete("hit", 0)
+    s.transition(s.q[0] > 0.4, when={hit: 0}, to={hit: 1})
+    s.force([s.push + 0.3 * hit])
+    ocp = rest_to_rest(s, s.q[0], s.v[0])
+    assert ocp.solve().success
+    m = ocp.multipliers()
+    assert np.all(m.costates[:, 2] == 0) and np.all(m.costates[:, :2] != 0)
+    assert m.initial_state.ravel()[2] == 0 and ocp.sensitivity().cost_x0[2] == 0

@@ -304,9 +304,13 @@ impl Ocp {
             variables: Vec::new(),
             one_sided: conditions.weak || last.lowest.kink,
         };
+        let discrete = self.system.discrete_states();
         for datum in 0..d.x + d.p {
             let (is_given, cost) = match datum.checked_sub(d.x) {
-                None => (s.initial_at(datum).is_none(), found.states[0][datum] + found.start[datum]),
+                None => (
+                    s.initial_at(datum).is_none() && !discrete.contains(&datum),
+                    found.states[0][datum] + found.start[datum],
+                ),
                 Some(j) => (s.param_at(j).is_none(), found.params[j]),
             };
             let mut by = vec![if is_given { f64::NAN } else { 0.0 }; z.len()];

@@ -47,7 +47,7 @@ impl Kept {
             if last > 0 {
                 self.add_boundary(program, all, of, (whole.t0, t0), &mut merged)?;
             }
-            Ok(merged.finish(whole, &program.automaton.states))
+            Ok(Multipliers { times: merged.times, values: merged.values })
         })
     }
 
@@ -223,13 +223,12 @@ impl Given {
 struct Merged {
     times: Vec<f64>,
     values: Vec<f64>,
-    of: Option<MultipliersOf>,
 }
 
 impl Merged {
     fn new(whole: &Ocp, of: MultipliersOf) -> Merged {
         let n = if of == MultipliersOf::Controls { whole.n_stages } else { 0 };
-        Merged { times: vec![0.0; n], values: vec![0.0; n * whole.system.dims().u], of: Some(of) }
+        Merged { times: vec![0.0; n], values: vec![0.0; n * whole.system.dims().u] }
     }
 
     fn append(&mut self, m: &Multipliers, points: std::ops::Range<usize>) {
@@ -249,15 +248,5 @@ impl Merged {
             let to = &mut self.values[(first + i) * width..(first + i + 1) * width];
             to.iter_mut().zip(own).for_each(|(a, b)| *a += b);
         }
-    }
-
-    /// Discrete states have no multipliers.
-    fn finish(mut self, whole: &Ocp, discrete: &[usize]) -> Multipliers {
-        use MultipliersOf::{Costates, InitialState, States};
-        if matches!(self.of, Some(Costates | InitialState | States)) {
-            let nx = whole.system.dims().x;
-            self.values.chunks_mut(nx).for_each(|x| discrete.iter().for_each(|&i| x[i] = 0.0));
-        }
-        Multipliers { times: self.times, values: self.values }
     }
 }
