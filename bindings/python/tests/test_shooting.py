@@ -119,3 +119,34 @@ def test_discrete_states_have_no_multipliers():
     m = ocp.multipliers()
     assert np.all(m.costates[:, 2] == 0) and np.all(m.costates[:, :2] != 0)
     assert m.initial_state.ravel()[2] == 0 and ocp.sensitivity().cost_x0[2] == 0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_masses_with_gears_drag_and_two_forces(seed):
+    """A linear chain held together by gears is one mass with drag: the least effort is a least-norm solution of two equations."""
+    draw = np.random.default_rng(seed)
+    n, horizon, drag, at = int(draw.integers(3, 9)), draw.uniform(0.5, 3.0), draw.uniform(0.0, 1.0), draw.uniform(0.3, 2.0)
+    ratio, masses = draw.uniform(0.5, 2.0, 2), draw.uniform(0.5, 2.0, 3)
+    s = swb.Scene("a b c", u="first last")
+    s.inertia(np.diag(masses))
+    s.force([s.first - drag * s.v[0], 0.0, s.last])
+    s.constraint("gear", s.q[1] - ratio[0] * s.q[0])
+    s.constraint("belt", s.q[2] - ratio[1] * s.q[0])
+    ocp = swb.Ocp(s, horizon, n)
+    ocp.set_initial_state(np.zeros(6))
+    ocp.set_lagrange(s.u[0] ** 2 + s.u[1] ** 2)
+    ocp.add_terminal([s.q[0], s.v[0]], [at, 0.0], [at, 0.0])
+    r = ocp.solve()
+    mass, h = masses @ np.array([1.0, *ratio**2]), horizon / n
+    rate = drag / mass
+
+    def behind(t):
+        """Velocity and position that a force of 1 over one stage leaves, a time t after its end."""
+        left = np.exp(-rate * h)
+        v, x = ((1 - left) / drag, (h - (1 - left) / rate) / drag) if rate > 0 else (h / mass, h**2 / (2 * mass))
+        return [x + v * ((1 - np.exp(-rate * t)) / rate if rate > 0 else t), v * np.exp(-rate * t)]
+
+    ends = np.array([behind(horizon - (k + 1) * h) for k in range(n)]).T
+    u = np.linalg.lstsq(np.hstack([ends, ratio[1] * ends]), [at, 0.0], rcond=None)[0]
+    np.testing.assert_allclose(r.cost, h * u @ u, rtol=1e-6)
+    assert r.optimality.verdict == "local_optimum"
