@@ -1403,7 +1403,7 @@ public:
             int64_t transition, stage;
             bool at_once;
         };
-        std::vector<Transition> transitions;
+        std::vector<Transition> transitions{};
     };
     /// Mode sequence of the last solution.
     Modes modes() const {
