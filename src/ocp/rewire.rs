@@ -1,9 +1,9 @@
 //! A system as part of one with more states, controls or parameters.
 
-use super::terms::{Places, Spaced, Stack};
+use super::terms::{Places, Stack};
 use crate::error::Result;
 use crate::func::Dims;
-use crate::system::combination;
+use crate::system::{combination, with_zeros};
 use crate::system::{
     Contact, Inclusion, Inertia, Kind, Local, Mechanics, Regions, Reset, SharedFunction, Subsystem, System, Transition,
 };
@@ -75,7 +75,7 @@ impl Rewire {
         let motion = self.with_params(&c.motion);
         let motion = match c.kind {
             // the gradient of its switching function has a place for every state
-            Kind::Switch if self.first > 0 => Spaced::of(&motion, Contact::motion_len(n_v, 1) + n_v, self.first),
+            Kind::Switch if self.first > 0 => with_zeros(&motion, &[Contact::motion_len(n_v, 1) + n_v], self.first),
             _ => motion,
         };
         // what it touches has controls of its own

@@ -212,76 +212,6 @@ impl Function for Stack {
     }
 }
 
-/// A function with outputs that are zero between its own.
-pub(super) struct Spaced {
-    f: SharedFunction,
-    /// Own outputs in front of them, and how many they are.
-    at: usize,
-    n: usize,
-    jac: Pattern,
-}
-
-impl Spaced {
-    /// `n` of them from output `at` on.
-    pub fn of(f: &SharedFunction, at: usize, n: usize) -> SharedFunction {
-        let inner = f.jac_pattern();
-        let (mut rows, mut columns) = (Vec::new(), Vec::new());
-        for j in 0..inner.n_cols() {
-            rows.extend(inner.rows(j).iter().map(|&i| if i < at { i } else { i + n }));
-            columns.resize(rows.len(), j);
-        }
-        // the order of the entries stays as it is
-        let jac = Pattern::from_triplets(f.n_out() + n, inner.n_cols(), &rows, &columns).0;
-        Arc::new(Spaced { f: f.clone(), at, n, jac })
-    }
-}
-
-impl Function for Spaced {
-    fn name(&self) -> &str {
-        self.f.name()
-    }
-    fn dims(&self) -> Dims {
-        self.f.dims()
-    }
-    fn n_out(&self) -> usize {
-        self.f.n_out() + self.n
-    }
-    fn jac_pattern(&self) -> &Pattern {
-        &self.jac
-    }
-    fn hess_pattern(&self) -> &Pattern {
-        self.f.hess_pattern()
-    }
-    fn work_len(&self) -> usize {
-        self.f.work_len() + self.f.n_out()
-    }
-    fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        let own = self.f.n_out();
-        self.f.value(at, &mut out[..own], work)?;
-        out.copy_within(self.at..own, self.at + self.n);
-        out[self.at..self.at + self.n].fill(0.0);
-        Ok(())
-    }
-    fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        self.f.jacobian(at, out, work)
-    }
-    fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        let (own, work) = work.split_at_mut(self.f.n_out());
-        own[..self.at].copy_from_slice(&weights[..self.at]);
-        own[self.at..].copy_from_slice(&weights[self.at + self.n..]);
-        self.f.hessian(at, own, out, work)
-    }
-    fn is_serial(&self) -> bool {
-        self.f.is_serial()
-    }
-    fn jacobian_is_approximate(&self) -> bool {
-        self.f.jacobian_is_approximate()
-    }
-    fn hessian_is_approximate(&self) -> bool {
-        self.f.hessian_is_approximate()
-    }
-}
-
 /// `weight Σ z_c²` over input columns `c`.
 pub(super) fn sum_of_squares(name: &str, dims: Dims, columns: Vec<usize>, weight: f64) -> SharedFunction {
     let zeros = vec![0; columns.len()];
@@ -338,7 +268,7 @@ impl Function for Quadratic {
 mod tests {
     use super::*;
     use crate::func::{check_derivatives, Callback, CheckSettings};
-    use crate::system::combination;
+    use crate::system::{combination, with_zeros};
 
     fn inner() -> SharedFunction {
         let d = Dims { x: 2, u: 1, p: 1 };
@@ -374,7 +304,7 @@ mod tests {
     #[test]
     fn zeros_between_outputs() {
         for at in 0..=2 {
-            let spaced = Spaced::of(&inner(), at, 3);
+            let spaced = with_zeros(&inner(), &[at], 3);
             agree(&*spaced, &[0.2, 0.7], &[-0.5], &[0.4]);
             let (mut out, mut own) = ([f64::NAN; 5], [0.0; 2]);
             let point = Point { t: 0.0, x: &[0.2, 0.7], u: &[-0.5], p: &[0.4] };

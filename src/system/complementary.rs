@@ -77,6 +77,20 @@ impl Combination {
     }
 }
 
+/// A function with `n` outputs that are zero in front of each of these outputs of its own, or behind the last one.
+pub(crate) fn with_zeros(f: &SharedFunction, places: &[usize], n: usize) -> SharedFunction {
+    let mut rows = Vec::with_capacity(f.n_out() + places.len() * n);
+    for o in 0..=f.n_out() {
+        if places.contains(&o) {
+            rows.resize(rows.len() + n, Vec::new());
+        }
+        if o < f.n_out() {
+            rows.push(vec![(0, o, 1.0)]);
+        }
+    }
+    Arc::new(Combination::new(f.name().to_owned(), vec![f.clone()], rows))
+}
+
 impl Function for Combination {
     fn name(&self) -> &str {
         &self.name

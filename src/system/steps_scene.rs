@@ -11,7 +11,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::complementary::Combination;
+use super::complementary::{with_zeros, Combination};
 use super::linear::combination;
 use super::steps::Placed;
 use super::{Contact, Inclusion, Inertia, Kind, Local, Mechanics, Order, SetValued, SharedFunction, System};
@@ -143,20 +143,8 @@ fn widened(
     let weights = if c.kind == Kind::Switch { m.n_switches } else { 0 };
     let motion = if weights > 0 { place(&c.motion, weights, None) } else { c.motion.clone() };
     let reaction = place(&c.reaction, weights, Some(n_v));
-    // zeros behind what there are `n_v` values of, each of which ends at one of these places
-    let padded = |f: SharedFunction, ends: &[usize]| -> SharedFunction {
-        if n_z == 0 {
-            return f;
-        }
-        let mut rows = Vec::new();
-        for o in 0..f.n_out() {
-            rows.push(vec![(0, o, 1.0)]);
-            if ends.contains(&(o + 1)) {
-                rows.resize(rows.len() + n_z, Vec::new());
-            }
-        }
-        Arc::new(Combination::new(f.name().to_owned(), vec![f], rows))
-    };
+    // zeros behind what there are `n_v` values of
+    let padded = |f: SharedFunction, ends: &[usize]| if n_z == 0 { f } else { with_zeros(&f, ends, n_z) };
     let tangents = (0..c.n_tangents).map(|k| 3 + n_v + (k + 1) * (2 + n_v));
     let ends: Vec<usize> = std::iter::once(3 + n_v).chain(tangents).collect();
     let local = c.local.as_ref().map(|l| {
