@@ -246,7 +246,8 @@ impl Ocp {
     /// A problem over `[0, horizon]` with `n_stages` control intervals. Bounds are infinite, the initial value is
     /// free, parameters have no values until they are set.
     pub fn new(system: &System, horizon: f64, n_stages: usize, settings: &Settings) -> Result<Ocp> {
-        system.validate()?;
+        let only_simulates = simulated::only_simulates(system);
+        if only_simulates { system.validate_for_events() } else { system.validate() }?;
         system.check_modes_known()?;
         settings.validate()?;
         check_positive("the horizon", horizon)?;
@@ -262,7 +263,6 @@ impl Ocp {
                  constraint, and the length of the horizon free"
             )));
         }
-        let only_simulates = simulated::only_simulates(system);
         let given = system;
         let system = if only_simulates { Cow::Borrowed(given) } else { given.with_multipliers()? };
         let projected = matches!(system, Cow::Owned(_)).then(|| given.clone());

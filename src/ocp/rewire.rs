@@ -142,10 +142,23 @@ impl Rewire {
 
     /// What every kind of system may have.
     fn add_rest(&self, s: &System, out: &mut System) -> Result<()> {
+        for i in s.inclusions() {
+            let (f, psi) = (self.with_steps(&i.f, i.psi.n_out()), self.function(&i.psi));
+            out.add_inclusion(Inclusion { rows: self.rows(&i.rows), f, psi, set: i.set })?;
+        }
         for t in s.transitions() {
             out.add_transition(self.transition(t))?;
         }
-        out.add_known_times(s.known_times())
+        out.add_known_times(s.known_times())?;
+        // states that transitions alone change stand behind the algebraic ones
+        if s.n_algebraic() > 0 {
+            out.set_algebraic(s.n_algebraic(), s.algebraic().map(|g| self.function(g)))?;
+        }
+        Ok(())
+    }
+
+    fn rows(&self, rows: &[usize]) -> Vec<usize> {
+        rows.iter().map(|r| r + self.first).collect()
     }
 
     /// The system with the new inputs and another smooth part, which knows them.
@@ -154,24 +167,15 @@ impl Rewire {
         if let Some(f0) = f0 {
             out.set_f0(f0)?;
         }
-        let rows = |rows: &[usize]| rows.iter().map(|r| r + self.first).collect();
         for sub in s.subsystems() {
             let regions = match &sub.regions {
                 Regions::Signs { psi, signs } => Regions::Signs { psi: self.function(psi), signs: signs.clone() },
                 Regions::Indicators(g) => Regions::Indicators(self.function(g)),
             };
             let (modes, n_modes) = (self.function(&sub.modes), sub.n_modes);
-            out.add_subsystem(Subsystem { rows: rows(&sub.rows), modes, n_modes, regions })?;
+            out.add_subsystem(Subsystem { rows: self.rows(&sub.rows), modes, n_modes, regions })?;
         }
-        for i in s.inclusions() {
-            let (f, psi) = (self.with_steps(&i.f, i.psi.n_out()), self.function(&i.psi));
-            out.add_inclusion(Inclusion { rows: rows(&i.rows), f, psi, set: i.set })?;
-        }
-        // states that transitions alone change stand behind the algebraic ones
         self.add_rest(s, &mut out)?;
-        if s.n_algebraic() > 0 {
-            out.set_algebraic(s.n_algebraic(), s.algebraic().map(|g| self.function(g)))?;
-        }
         Ok(out)
     }
 
@@ -179,7 +183,7 @@ impl Rewire {
     fn transition(&self, t: &Transition) -> Transition {
         let values = |list: &[(usize, f64)]| list.iter().map(|&(i, v)| (i + self.first, v)).collect();
         let reset = t.reset.as_ref().map(|r| Reset {
-            rows: r.rows.iter().map(|i| i + self.first).collect(),
+            rows: self.rows(&r.rows),
             f: self.function(&r.f),
             switches: r.switches,
         });

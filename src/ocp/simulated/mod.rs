@@ -80,7 +80,8 @@ pub(super) fn only_simulates(s: &System) -> bool {
     let Some(m) = s.mechanics() else { return !plain };
     let choices = m.order == Order::Second && !s.choices().is_empty();
     let in_space = m.contacts.iter().any(|c| c.kind == Kind::Unilateral && c.n_tangents > 1);
-    !plain || choices || in_space || m.check_contacts("optimal control").is_err()
+    let beside = s.n_algebraic() > 0 || !s.inclusions().is_empty();
+    !plain || choices || in_space || beside || m.check_contacts("optimal control").is_err()
 }
 
 impl Ocp {
