@@ -8620,7 +8620,8 @@ swb_status swb_ocp_get_modes(const struct swb_ocp *ocp,
 /**
  * Give the order of modes: the next solves start with it, from the guesses of states and controls, and follow the
  * homotopy only where it has no solution. Every phase of a control stage needs a finite element there, which a solve
- * checks. Orders next to it are tried within the budget of the option mode_search only.
+ * checks. Orders next to it are tried within the budget of the option mode_search only. Where simulations alone follow the system, only
+ * motions with this order count, and the times say nothing.
  *
  * @param[in] times [n_times] when the phases start, from the start of the horizon: the first at 0, not falling; n_times = 0
  *                  forgets the order

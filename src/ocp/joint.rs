@@ -15,6 +15,8 @@ pub(super) struct Link {
     pub(super) f: SharedFunction,
     pub(super) lower: Vec<f64>,
     pub(super) upper: Vec<f64>,
+    /// `x_{k+1}(0)` as a function of `x_k(T)`, where the link is that.
+    pub(super) start: Option<SharedFunction>,
 }
 
 /// Where an input of a function between phases comes from.
@@ -97,7 +99,7 @@ impl Plan {
             // a link knows no time
             let inputs: Vec<Source> = states.chain([Source::Constant(0.0)]).collect();
             for link in list {
-                let Link { f, lower, upper } = link.clone();
+                let Link { f, lower, upper, .. } = link.clone();
                 couplings.push(Coupling { f, inputs: inputs.clone(), lower, upper });
             }
         }

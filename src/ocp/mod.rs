@@ -172,6 +172,8 @@ pub struct OcpResult {
     pub adaptation: Option<Adaptation>,
     /// Transitions, in the order of time.
     pub jumps: Vec<JumpMade>,
+    /// Modes of an answer that was simulated, by the times from the start of the horizon at which they begin; empty where elements have them.
+    pub(super) phases: Vec<(f64, Vec<bool>)>,
     /// Modes and impacts of the contacts of a scene; `None` for other systems.
     pub contacts: Option<Contacts>,
 }

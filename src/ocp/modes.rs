@@ -164,6 +164,10 @@ impl OcpResult {
             s.modes.extend_from_slice(&e.active);
             s.cells.extend_from_slice(&e.active_cells);
         }
+        if !self.phases.is_empty() {
+            s.times = self.phases.iter().map(|p| p.0).collect();
+            s.modes = self.phases.iter().flat_map(|p| p.1.clone()).collect();
+        }
         let of = |j: &JumpMade| TransitionAt {
             t: (j.t - t0).max(0.0),
             transition: j.transition,
@@ -180,7 +184,8 @@ impl Ocp {
     /// and follow the homotopy only where that has no solution. Neighbours of it are tried within the budget
     /// `mode_search` only. `None` forgets it.
     ///
-    /// Where the system has transitions, those of the sequence are made, and no others.
+    /// Where the system has transitions, those of the sequence are made, and no others. Where simulations alone follow the system, only motions
+    /// count that have this order of modes and transitions; the times say nothing then.
     ///
     /// # Errors
     /// [`Error::Range`] for times and stages that fall, for transitions that the system does not have, or that cannot follow each other.

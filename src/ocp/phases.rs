@@ -1,11 +1,13 @@
 //! Problems of several phases: each with its own system, horizon, costs and constraints, linked by constraints between the
-//! end of one and the start of the next. All phases are discretised, and solved as one program.
+//! end of one and the start of the next. All phases are discretised, and solved as one program. Where events alone follow one of them, all are
+//! simulated, see [`simulated`](super::simulated).
 
 use std::time::Instant;
 
 use super::diagnosis::Case;
 use super::joint::{self, Link, Plan, Program};
 use super::request::{Comparison, Request};
+use super::simulated::Task;
 use super::solve::{Built, Start};
 use super::terms::Stack;
 use super::{check_bounds, Ocp, OcpResult};
@@ -68,7 +70,6 @@ impl MultiPhase {
             return Err(Error::Dimension("a problem of several phases needs one at least".into()));
         };
         for p in &phases {
-            p.system.check_without_transitions("a problem of several phases")?;
             p.system.check_without_choices("a problem of several phases")?;
         }
         let settings = first.settings;
@@ -112,9 +113,13 @@ impl MultiPhase {
             )));
         }
         check_bounds("link", lower, upper, f.n_out())?;
-        self.links[k].push(Link { f, lower: lower.to_vec(), upper: upper.to_vec() });
-        self.joint = None;
+        self.add_link(k, Link { f, lower: lower.to_vec(), upper: upper.to_vec(), start: None });
         Ok(())
+    }
+
+    fn add_link(&mut self, k: usize, link: Link) {
+        self.links[k].push(link);
+        self.joint = None;
     }
 
     /// The next phase begins where phase `k` ends, in all states.
@@ -129,8 +134,10 @@ impl MultiPhase {
             )));
         }
         let f = combination("continuity", d, (0..nx).map(|i| vec![(i, -1.0), (nx + i, 1.0)]).collect());
+        let same = combination("continuity", Dims { x: nx, u: 0, p: 0 }, (0..nx).map(|i| vec![(i, 1.0)]).collect());
         let zeros = vec![0.0; nx];
-        self.link(k, f, &zeros, &zeros)
+        self.add_link(k, Link { f, lower: zeros.clone(), upper: zeros, start: Some(same) });
+        Ok(())
     }
 
     /// The next phase begins at `r(x_k(T))`: a reset map of the states at the end of phase `k`, with as many outputs as the next phase has
@@ -149,7 +156,9 @@ impl MultiPhase {
         let behind = Stack::gather(&r, d, (0..nx).chain([d.t_col()]).collect());
         let start = combination("start", d, (0..next).map(|i| vec![(nx + i, -1.0)]).collect());
         let zeros = vec![0.0; next];
-        self.link(k, Stack::sum("reset", d, vec![behind, start]), &zeros, &zeros)
+        let f = Stack::sum("reset", d, vec![behind, start]);
+        self.add_link(k, Link { f, lower: zeros.clone(), upper: zeros, start: Some(r) });
+        Ok(())
     }
 
     /// The result of the last solve.
@@ -186,6 +195,11 @@ impl MultiPhase {
         let clock = Instant::now();
         self.phases.iter_mut().try_for_each(Ocp::complete_params)?;
         let request = Request { explain: false, ..Request::from_settings(&self.settings)? };
+        if self.phases.iter().any(|p| p.is_simulated() || p.is_scene() || p.has_transitions()) {
+            let mut r = self.solve_simulated(&request, control)?;
+            r.stats.time_total = clock.elapsed().as_secs_f64();
+            return Ok(self.result.insert(r));
+        }
         for p in &mut self.phases {
             let before = p.builds;
             p.build(Start::Cold, &SolveOptions::from_settings(&p.settings)?)?;
@@ -218,6 +232,38 @@ impl MultiPhase {
             p.t0 = t;
             t += p.durations.iter().sum::<f64>();
         }
+    }
+
+    /// Solves by shooting, where finite elements do not follow a phase.
+    fn solve_simulated(&mut self, request: &Request, control: &mut Control) -> Result<MultiPhaseResult> {
+        self.place_in_time();
+        self.phases.iter().try_for_each(Ocp::check_simulated)?;
+        let bases = self.phases.iter().map(|p| p.base(None)).collect::<Result<Vec<_>>>()?;
+        let mut task = Task { ocps: self.phases.iter_mut().collect(), links: &self.links, settings: &self.settings };
+        let found = task.solve(bases, None, request, control)?;
+        let mut messages: Vec<String> = Some(found.missed).filter(|m| !m.is_empty()).into_iter().collect();
+        let error = |worst: f64, r: &OcpResult| match &r.accuracy {
+            Some(a) if !worst.is_nan() && !a.terminal.is_nan() => worst.max(a.terminal),
+            _ => f64::NAN,
+        };
+        let own = found.results.iter().enumerate().filter(|(_, r)| !r.message.is_empty());
+        messages.extend(own.map(|(k, r)| format!("phase {k}: {}", r.message)));
+        for (p, r) in self.phases.iter_mut().zip(&found.results) {
+            p.result = Some(r.clone());
+        }
+        let last = found.results.last().ok_or_else(|| Error::Internal("phases without results".into()))?;
+        Ok(MultiPhaseResult {
+            outcome: last.outcome,
+            polish: last.polish,
+            message: messages.join("; "),
+            cost: found.results.iter().map(|r| r.cost).sum(),
+            link_violation: found.link_violation,
+            error: found.results.iter().fold(0.0, error),
+            residuals: last.residuals,
+            stats: last.stats.clone(),
+            dimensions: last.dimensions,
+            phases: found.results,
+        })
     }
 
     fn solve_built(

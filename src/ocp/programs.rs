@@ -1,15 +1,13 @@
 //! What the program of a sequence ended at, as a search takes it.
 
-use super::{Ocp, OcpResult};
+use super::OcpResult;
 use crate::nlp::Outcome;
 use crate::search::{EarlyTermination, Plan, Rank, Source};
+use crate::settings::Settings;
 
-impl Ocp {
-    /// A search over these sources, see [`Plan`].
-    pub(super) fn plan(&self, sources: &[Source], effort: f64, least_tried: usize, any: bool) -> Plan {
-        let sources = sources.to_vec();
-        Plan { sources, effort, gain: self.settings.search_gain, least_tried, any }
-    }
+/// A search over these sources, see [`Plan`].
+pub(super) fn plan(settings: &Settings, sources: &[Source], effort: f64, least_tried: usize, any: bool) -> Plan {
+    Plan { sources: sources.to_vec(), effort, gain: settings.search_gain, least_tried, any }
 }
 
 impl OcpResult {

@@ -182,11 +182,8 @@ impl Rewire {
     /// A transition of the old system as one of the new: the states in front stay as they are.
     fn transition(&self, t: &Transition) -> Transition {
         let values = |list: &[(usize, f64)]| list.iter().map(|&(i, v)| (i + self.first, v)).collect();
-        let reset = t.reset.as_ref().map(|r| Reset {
-            rows: self.rows(&r.rows),
-            f: self.function(&r.f),
-            switches: r.switches,
-        });
+        let reset =
+            t.reset.as_ref().map(|r| Reset { rows: self.rows(&r.rows), f: self.function(&r.f), switches: r.switches });
         let guard = self.function(&t.guard);
         Transition {
             guard,

@@ -354,6 +354,7 @@ impl Ocp {
             ended: None,
             adaptation: None,
             jumps: Vec::new(),
+            phases: Vec::new(),
             contacts: Some(Contacts::new(p, a)),
         }
     }

@@ -266,7 +266,7 @@ impl Ocp {
     }
 
     /// Is it solved by orders of contacts?
-    fn is_scene(&self) -> bool {
+    pub(super) fn is_scene(&self) -> bool {
         self.system.mechanics().is_some() && !self.is_simulated()
     }
 
@@ -681,6 +681,7 @@ impl Ocp {
             optimality: None,
             adaptation: None,
             jumps: Vec::new(),
+            phases: Vec::new(),
             contacts: None,
         }
     }

@@ -68,15 +68,10 @@ impl Record {
     }
 }
 
-/// Modes of the subsystems that can switch, those of contacts behind them: open, closed, sliding either way; and of the steps of inclusions
-/// behind those: 1, where their function is positive, and 0.
-pub fn modes_of(system: &System) -> Vec<i64> {
-    let system = system.with_switches();
-    let contacts = system.mechanics().map_or(0, |m| m.contacts.len());
-    let on_demand = system.on_demand().map(|_| MODES_ON_DEMAND as i64);
-    let contacts = std::iter::repeat_n(4, contacts).chain(on_demand);
-    let steps = std::iter::repeat_n(2, system.n_steps());
-    system.subsystems().iter().map(|s| s.n_modes as i64).filter(|&n| n > 1).chain(contacts).chain(steps).collect()
+/// [`System::mode_counts`], and those that are made on demand.
+fn modes_of(system: &System) -> Vec<i64> {
+    let on_demand = system.on_demand().map(|_| MODES_ON_DEMAND);
+    system.mode_counts().into_iter().chain(on_demand).map(|n| n as i64).collect()
 }
 
 /// Runs `body`, which may call user functions, and says which one it was that ended it.

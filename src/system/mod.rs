@@ -391,6 +391,21 @@ impl System {
         self.check_discrete()
     }
 
+    /// Subsystems with more than one mode.
+    pub fn n_switching(&self) -> usize {
+        self.subsystems.iter().filter(|s| s.n_modes > 1).count()
+    }
+
+    /// Modes of the subsystems that can switch, those of contacts behind them: open, closed, sliding either way; and of the steps of inclusions
+    /// behind those: 1, where their function is positive, and 0.
+    pub fn mode_counts(&self) -> Vec<usize> {
+        let system = self.with_switches();
+        let contacts = system.mechanics().map_or(0, |m| m.contacts.len());
+        let contacts = std::iter::repeat_n(4, contacts);
+        let steps = std::iter::repeat_n(2, system.n_steps());
+        system.subsystems.iter().map(|s| s.n_modes).filter(|&n| n > 1).chain(contacts).chain(steps).collect()
+    }
+
     /// True where functions of the system must be called by one thread only ([`Function::is_serial`]).
     pub fn is_serial(&self) -> bool {
         self.mechanics.as_ref().is_some_and(|m| m.any_function(&|f| f.is_serial()))

@@ -82,7 +82,7 @@ def test_wrong_input():
     ocp.set_initial_bounds([0, 0, 0], [0, 0, 1])
     with pytest.raises(swb.StateError, match="discrete"):
         ocp.solve()
-    with pytest.raises(swb.UnsupportedError, match="phases"):
+    with pytest.raises(swb.StateError, match="discrete"):
         swb.MultiPhase([ocp]).solve()
 
 

@@ -1,6 +1,8 @@
 //! Descent on event-driven simulations: an answer that is not optimal, and whose direction no sequence of modes next to its own
 //! follows, is bettered in its controls alone. What the descent ends at is the start of a mode program again.
 
+mod chain;
+mod order;
 mod shooting;
 mod sqp;
 
@@ -12,7 +14,9 @@ use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::random::SplitMix64;
 use crate::stop;
-pub(super) use shooting::{Given, Record, RowOf, Shooting, SAME_POINT};
+pub(super) use chain::{Chain, Motion};
+pub(super) use order::{Log, Order};
+pub(super) use shooting::{Given, Preceding, Record, RowOf, Shooting, SAME_POINT};
 pub(super) use sqp::{look_around, minimise, restore, Lowest, Program, Values};
 
 /// Simulations of the horizon of a descent at most.

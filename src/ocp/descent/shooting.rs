@@ -1,9 +1,10 @@
 //! An optimal control problem in its controls, free lengths, parameters and initial states alone: states, cost, constraints and
 //! all derivatives come from an event-driven simulation (direct single shooting; derivatives through switches by (6.25)).
 
+use super::order::{Log, Order};
 use super::sqp::{Program, Values};
-use crate::error::{Error, Result};
-use crate::event::{self, Engine, Run};
+use crate::error::Result;
+use crate::event::{self, Engine};
 use crate::fesd::{PathAt, Sizes};
 use crate::func::Point;
 use crate::ocp::accuracy::tolerances;
@@ -28,7 +29,10 @@ const NEXT: f64 = 0.05;
 
 /// Where the variables are.
 struct Places {
+    /// The first one, their number, and that of the variables of all problems that are solved together.
+    first: usize,
     n: usize,
+    all: usize,
     /// Of the first stage; then those of the others.
     controls: usize,
     /// Of linear controls at the end of the horizon, for each of them.
@@ -52,6 +56,19 @@ pub(in crate::ocp) struct Given<'a> {
     pub usual: &'a Sizes,
     /// Ends of the pieces of every stage as shares of it, the last of which is 1: constraints along the horizon are looked at there.
     pub cuts: Vec<Vec<f64>>,
+    /// Do modes go on from a stage to the next, or are they those of the state there?
+    pub goes_on: bool,
+    /// What comes before it.
+    pub before: Preceding,
+}
+
+/// What comes before a problem among others that are solved together with it.
+#[derive(Default, Clone, Copy)]
+pub(in crate::ocp) struct Preceding {
+    /// Their variables.
+    pub n: usize,
+    /// Does its initial state follow from their end?
+    pub leads_on: bool,
 }
 
 /// The problem in these variables.
@@ -63,6 +80,9 @@ pub(in crate::ocp) struct Shooting<'a> {
     plain: Option<Engine>,
     /// Does the system depend on the time?
     timed: bool,
+    goes_on: bool,
+    /// The order of modes and transitions that a motion has to have.
+    order: Option<Order>,
     /// Derivatives by states and parameters on the way, while they are taken down.
     records: Option<Vec<Record>>,
     /// Steps of simulations so far.
@@ -112,16 +132,17 @@ pub(in crate::ocp) enum RowOf {
 }
 
 /// A point of the simulation with the derivatives of what it depends on by the variables.
-struct Here {
+#[derive(Clone)]
+pub(super) struct Here {
     /// Is it the start of the horizon?
     begins: bool,
     /// Are the controls others than before?
     is_new: bool,
-    t: f64,
-    dt: DVector<f64>,
+    pub t: f64,
+    pub dt: DVector<f64>,
     /// States of the simulation: cost, linear controls, states.
-    x: Vec<f64>,
-    dx: DMatrix<f64>,
+    pub x: Vec<f64>,
+    pub dx: DMatrix<f64>,
     /// Controls, linear ones at this point.
     u: Vec<f64>,
     du: DMatrix<f64>,
@@ -156,8 +177,10 @@ impl<'a> Shooting<'a> {
     pub(super) fn beside(ocp: &'a Ocp, b: &'a Built, r: &OcpResult, usual: &Sizes) -> Result<Shooting<'a>> {
         let x0 = r.trajectory.elements.first().map_or_else(|| vec![0.0; b.extended.system.dims().x], |e| e.x0.clone());
         let cuts = Shooting::cuts_of(ocp, b);
-        let given = Given { durations: &r.durations, x0: &x0, cost: r.cost_reached, usual, cuts };
-        Shooting::new(ocp, &b.extended, given)
+        let (durations, cost) = (&r.durations[..], r.cost_reached);
+        // modes are those of the state, where nothing has a memory that it does not tell
+        let (goes_on, before) = (ocp.is_simulated(), Preceding::default());
+        Shooting::new(ocp, &b.extended, Given { durations, x0: &x0, cost, usual, cuts, goes_on, before })
     }
 
     /// Of a problem that nothing has solved yet, `e` with the parameters of every stage.
@@ -173,12 +196,16 @@ impl<'a> Shooting<'a> {
             engine: Engine::new(&ocp.system_with_cost(e)?, &with_derivatives)?,
             plain: None,
             timed: e.system.depends_on_time(),
+            goes_on: given.goes_on,
+            order: ocp.modes.as_ref().filter(|_| given.goes_on).map(Order::given),
             records: None,
             steps: 0,
             cost: given.cost,
             at: Places {
+                first: given.before.n,
                 n: 0,
-                controls: 0,
+                all: 0,
+                controls: given.before.n,
                 ends: vec![None; ocp.linear.len()],
                 lengths: 0,
                 n_lengths: 0,
@@ -201,10 +228,10 @@ impl<'a> Shooting<'a> {
             (0..d.u).for_each(|j| s.control(k, j, &control_size));
         }
         for j in s.ramps.clone() {
-            s.at.ends[j] = Some(s.lower.len());
+            s.at.ends[j] = Some(s.next());
             s.control(n - 1, j, &control_size);
         }
-        s.at.lengths = s.lower.len();
+        s.at.lengths = s.next();
         s.at.n_lengths = match ocp.time {
             Durations::Horizon => 1,
             Durations::Stages => n,
@@ -221,17 +248,17 @@ impl<'a> Shooting<'a> {
                 Some([l, u]) if j < l.len() && l[j] < u[j] => [l[j], u[j]],
                 _ => continue,
             };
-            s.at.params[j] = Some(s.lower.len());
+            s.at.params[j] = Some(s.next());
             s.variable(bounds, size_of(s.params[j], bounds[0], bounds[1], 0.0));
         }
         for i in 0..d.x {
             let bounds = [ocp.x0_bounds[0][i], ocp.x0_bounds[1][i]];
-            if bounds[0] < bounds[1] {
-                s.at.initial[i] = Some(s.lower.len());
+            if bounds[0] < bounds[1] && !given.before.leads_on {
+                s.at.initial[i] = Some(s.next());
                 s.variable(bounds, size_of(s.x0[i], bounds[0], bounds[1], usual.x[i]));
             }
         }
-        s.at.n = s.lower.len();
+        (s.at.n, s.at.all) = (s.lower.len(), s.next());
         s.count_rows();
         Ok(s)
     }
@@ -266,6 +293,16 @@ impl<'a> Shooting<'a> {
         self.at.n
     }
 
+    /// Says how many variables there are with those of all problems that are solved together.
+    pub(super) fn set_all(&mut self, n: usize) {
+        self.at.all = n;
+    }
+
+    /// Where the next variable is placed.
+    fn next(&self) -> usize {
+        self.at.first + self.lower.len()
+    }
+
     fn variable(&mut self, [l, u]: [f64; 2], size: f64) {
         self.lower.push(l);
         self.upper.push(u);
@@ -285,21 +322,21 @@ impl<'a> Shooting<'a> {
         }
     }
 
-    /// Variables of an answer: its controls and, where they are linear, their ends `[n_stages · nu]`, lengths, parameters, initial states.
+    /// Variables of an answer, its own alone: its controls and, where they are linear, their ends `[n_stages · nu]`, lengths, parameters, initial states.
     fn start(&self, controls: &[f64], ends: &[f64]) -> Vec<f64> {
-        let (nu, n) = (self.e.system.dims().u, self.ocp.n_stages);
+        let (nu, n, first) = (self.e.system.dims().u, self.ocp.n_stages, self.at.first);
         let mut z = vec![0.0; self.at.n];
         z[..n * nu].copy_from_slice(controls);
         for (j, at) in self.at.ends.iter().enumerate() {
-            at.iter().for_each(|&at| z[at] = ends[(n - 1) * nu + j]);
+            at.iter().for_each(|&at| z[at - first] = ends[(n - 1) * nu + j]);
         }
-        let lengths = &mut z[self.at.lengths..self.at.lengths + self.at.n_lengths];
+        let lengths = &mut z[self.at.lengths - first..][..self.at.n_lengths];
         match lengths {
             [one] => *one = self.lengths.iter().sum(),
             all => all.copy_from_slice(&self.lengths[..all.len()]),
         }
         let given = self.at.params.iter().zip(&self.params).chain(self.at.initial.iter().zip(&self.x0));
-        given.for_each(|(at, v)| at.iter().for_each(|&at| z[at] = *v));
+        given.for_each(|(at, v)| at.iter().for_each(|&at| z[at - first] = *v));
         z
     }
 
@@ -322,55 +359,42 @@ impl<'a> Shooting<'a> {
 
     /// What a simulation makes of controls of the user and their ends, see [`Shooting::place`]; `None` where it fails.
     pub(super) fn simulated(&mut self, b: &Built, controls: (&[f64], &[f64])) -> Result<Option<Values>> {
-        self.simulated_at(&self.place(b, controls))
+        self.values_at(&self.place(b, controls))
     }
 
-    /// What a simulation makes of variables; `None` where it fails.
-    pub fn simulated_at(&mut self, z: &[f64]) -> Result<Option<Values>> {
-        let mut values = Values::default();
-        match self.evaluate(z, &mut values) {
-            Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => Err(e),
-            Ok(true) => Ok(Some(values)),
-            // a simulation that fails says nothing
-            Ok(false) | Err(_) => Ok(None),
-        }
-    }
-
-    /// What a simulation without derivatives makes of variables; `None` where it fails.
-    pub fn values_at(&mut self, z: &[f64]) -> Result<Option<Values>> {
+    /// Takes the engine without derivatives instead of the usual one, or back.
+    pub(super) fn exchange_plain(&mut self) -> Result<()> {
         let plain = match self.plain.take() {
             Some(e) => e,
             None => Engine::new(&self.ocp.system_with_cost(self.e)?, &self.options())?,
         };
-        let (plain, found) = self.simulated_by(plain, z);
-        self.plain = Some(plain);
-        found
+        self.plain = Some(self.exchange(plain));
+        Ok(())
     }
 
-    /// What another engine makes of variables, and the engine behind that.
-    fn simulated_by(&mut self, engine: Engine, z: &[f64]) -> (Engine, Result<Option<Values>>) {
-        let usual = std::mem::replace(&mut self.engine, engine);
-        let found = self.simulated_at(z);
-        (std::mem::replace(&mut self.engine, usual), found)
+    /// Simulates by another engine, until the one before comes back.
+    pub(super) fn exchange(&mut self, engine: Engine) -> Engine {
+        std::mem::replace(&mut self.engine, engine)
     }
 
-    /// A simulation with all its events and dense output, what it makes of variables where it gets to the end, and the state `more` behind the end
-    /// where there is an event before that.
-    pub fn traced(&mut self, z: &[f64], more: f64) -> Result<(Run, Option<Values>, Option<Vec<f64>>)> {
+    /// An engine that keeps all events and dense output.
+    pub(super) fn tracing(&self) -> Result<Engine> {
         let options = event::Options { dense: true, ..self.options() };
-        let engine = Engine::stopping_for_all(&self.ocp.system_with_cost(self.e)?, &options)?;
-        let (mut engine, found) = self.simulated_by(engine, z);
-        let (found, run) = (found?, engine.take_run());
-        let end = run.t + more;
-        let goes_on = found.is_some() && matches!(engine.advance(end), Ok(event::Outcome::Reached));
-        let is_event =
-            engine.jumps().len() + engine.impacts().len() + engine.switches().len() + engine.phases().len() > 0;
-        let behind = (goes_on && is_event).then(|| engine.state().to_vec());
-        Ok((run, found, behind))
+        Engine::stopping_for_all(&self.ocp.system_with_cost(self.e)?, &options)
     }
 
     fn options(&self) -> event::Options {
         options(self.ocp, self.cost, &self.usual)
+    }
+
+    /// Sizes of the states.
+    pub(super) fn sizes_of_states(&self) -> &[f64] {
+        &self.usual.x
+    }
+
+    /// The problem as it was stated.
+    pub fn ocp(&self) -> &'a Ocp {
+        self.ocp
     }
 
     /// The problem that is simulated.
@@ -448,7 +472,7 @@ impl<'a> Shooting<'a> {
     /// A simulation with its derivatives, and those by states and parameters on the way.
     pub fn recorded(&mut self, z: &[f64]) -> Result<Option<(Values, Vec<Record>)>> {
         self.records = Some(Vec::new());
-        let found = self.simulated_at(z);
+        let found = self.values_at(z);
         let records = self.records.take().unwrap_or_default();
         Ok(found?.map(|v| (v, records)))
     }
@@ -485,7 +509,7 @@ impl<'a> Shooting<'a> {
 
     /// Draws lengths, parameters and initial states that are free within their bounds; those without two bounds stay, and so do slacks.
     pub(super) fn draw(&self, z: &mut [f64], numbers: &mut SplitMix64) {
-        for at in self.at.lengths..self.at.n {
+        for at in self.at.lengths - self.at.first..self.at.n {
             let (l, u) = (self.lower[at], self.upper[at]);
             if (u - l).is_finite() {
                 z[at] = l + (u - l) * numbers.share();
@@ -549,8 +573,8 @@ impl<'a> Shooting<'a> {
     }
 
     /// The start of the horizon.
-    fn begin(&self, z: &[f64]) -> Here {
-        let (d, n) = (self.e.system.dims(), self.at.n);
+    pub(super) fn begin(&self, z: &[f64]) -> Here {
+        let (d, n) = (self.e.system.dims(), self.at.all);
         let first = 1 + self.ramps.len();
         let mut here = Here {
             begins: true,
@@ -644,8 +668,7 @@ impl<'a> Shooting<'a> {
     ) -> Result<bool> {
         stop::check()?;
         let end = here.t + length;
-        // modes are those of the state, where nothing has a memory that it does not tell
-        let begins = std::mem::take(&mut here.begins) || !self.ocp.is_simulated();
+        let begins = std::mem::take(&mut here.begins) || !self.goes_on;
         if begins {
             self.engine.reinit(here.t, &here.x)?;
         }
@@ -711,7 +734,7 @@ impl<'a> Shooting<'a> {
         let at = Point { t: here.t, x: &x, u: &here.u, p: &here.p };
         let pattern = f.jac_pattern();
         let (mut value, mut entries, mut work) = (vec![f64::NAN; m], vec![0.0; pattern.nnz()], vec![0.0; f.work_len()]);
-        let (mut slopes, mut usual) = (DMatrix::zeros(m, self.at.n), vec![0.0; m]);
+        let (mut slopes, mut usual) = (DMatrix::zeros(m, self.at.all), vec![0.0; m]);
         if f.value(&at, &mut value, &mut work).is_err() || f.jacobian(&at, &mut entries, &mut work).is_err() {
             value.fill(f64::NAN);
             return Rows { value, slopes, usual };
@@ -760,6 +783,34 @@ impl<'a> Shooting<'a> {
         Rows { value, slopes, usual }
     }
 
+    /// Simulates the horizon from its start, adds cost and rows, and returns its end; nothing where that is not reached.
+    pub(super) fn follow(&mut self, z: &[f64], start: &Here, out: &mut Values) -> Result<Option<Here>> {
+        let mut here = start.clone();
+        for k in 0..self.ocp.n_stages {
+            if !self.stage(z, k, &mut here, out)? {
+                return Ok(None);
+            }
+            self.add_cost(self.e.grid_cost.as_ref(), &here, out);
+        }
+        self.add_cost(self.e.mayer.as_ref(), &here, out);
+        out.cost += here.x[0];
+        out.gradient.iter_mut().zip(here.dx.row(0).iter()).for_each(|(g, s)| *g += s);
+        for c in &self.e.terminal {
+            self.add_rows(&c.f, &here, out);
+        }
+        for c in &self.e.boundary {
+            self.values(&c.f, &here, Some(start), Some(out.rows.len())).add_to(out);
+        }
+        let follows = self.order.as_ref().is_none_or(|given| self.order_of_motion(start.t, here.t).is_like(given));
+        Ok(follows.then_some(here))
+    }
+
+    /// Modes and transitions of the last simulation.
+    fn order_of_motion(&self, t0: f64, end: f64) -> Order {
+        let active = |k: usize| self.engine.active(k);
+        Order::of(&Log::of_engine(&self.engine), &self.ocp.system, &active, [t0, end], self.ocp.same_time())
+    }
+
     fn add_rows(&mut self, f: &SharedFunction, here: &Here, out: &mut Values) {
         self.values(f, here, None, Some(out.rows.len())).add_to(out);
     }
@@ -772,15 +823,15 @@ impl<'a> Shooting<'a> {
     }
 }
 
-/// Values of a function at a point of the simulation, see [`Shooting::values`].
-struct Rows {
-    value: Vec<f64>,
-    slopes: DMatrix<f64>,
-    usual: Vec<f64>,
+/// Values of a function at a point of the simulation, their derivatives by the variables, and what states of their sizes change them by.
+pub(super) struct Rows {
+    pub value: Vec<f64>,
+    pub slopes: DMatrix<f64>,
+    pub usual: Vec<f64>,
 }
 
 impl Rows {
-    fn add_to(&self, out: &mut Values) {
+    pub fn add_to(&self, out: &mut Values) {
         out.rows.extend_from_slice(&self.value);
         out.usual.extend_from_slice(&self.usual);
         (0..self.value.len()).for_each(|i| out.jacobian.extend(self.slopes.row(i).iter()));
@@ -797,27 +848,9 @@ impl Program for Shooting<'_> {
     }
 
     fn evaluate(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
-        (out.cost, out.gradient) = (0.0, vec![0.0; self.at.n]);
-        out.rows.clear();
-        out.usual.clear();
-        out.jacobian.clear();
-        let (mut here, start) = (self.begin(z), self.begin(z));
-        for k in 0..self.ocp.n_stages {
-            if !self.stage(z, k, &mut here, out)? {
-                return Ok(false);
-            }
-            self.add_cost(self.e.grid_cost.as_ref(), &here, out);
-        }
-        self.add_cost(self.e.mayer.as_ref(), &here, out);
-        out.cost += here.x[0];
-        out.gradient.iter_mut().zip(here.dx.row(0).iter()).for_each(|(g, s)| *g += s);
-        for c in &self.e.terminal {
-            self.add_rows(&c.f, &here, out);
-        }
-        for c in &self.e.boundary {
-            self.values(&c.f, &here, Some(&start), Some(out.rows.len())).add_to(out);
-        }
-        Ok(out.cost.is_finite() && out.rows.iter().all(|v| v.is_finite()))
+        out.clear(self.at.all);
+        let start = self.begin(z);
+        Ok(self.follow(z, &start, out)?.is_some() && out.is_finite())
     }
 }
 

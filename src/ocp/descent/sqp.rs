@@ -11,7 +11,7 @@
 //! around the point vanishes: no direction leads down.
 
 use super::missed;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::qp::{Condensing, Price, QpSolution, QpSolver, QpStatus, Row, StageQp, Terms};
 
 /// What the box is at first, as a share of the sizes of the variables, and where it is too small to go on.
@@ -74,6 +74,23 @@ pub(in crate::ocp) struct Values {
     pub jacobian: Vec<f64>,
 }
 
+impl Values {
+    /// Takes everything back, for `n` variables.
+    pub fn clear(&mut self, n: usize) {
+        self.cost = 0.0;
+        self.gradient.clear();
+        self.gradient.resize(n, 0.0);
+        self.rows.clear();
+        self.usual.clear();
+        self.jacobian.clear();
+    }
+
+    /// Are cost and constraints numbers?
+    pub fn is_finite(&self) -> bool {
+        self.cost.is_finite() && self.rows.iter().all(|v| v.is_finite())
+    }
+}
+
 /// What is minimised.
 pub(in crate::ocp) trait Program {
     /// Bounds of the variables and their sizes, all positive: `[n]` each.
@@ -82,6 +99,16 @@ pub(in crate::ocp) trait Program {
     fn row_bounds(&self) -> (&[f64], &[f64]);
     /// Values at a point; false where there are none.
     fn evaluate(&mut self, z: &[f64], out: &mut Values) -> Result<bool>;
+
+    /// Values at a point; `None` where an evaluation fails, which says nothing of the problem.
+    fn values_at(&mut self, z: &[f64]) -> Result<Option<Values>> {
+        let mut values = Values::default();
+        match self.evaluate(z, &mut values) {
+            Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => Err(e),
+            Ok(true) => Ok(Some(values)),
+            Ok(false) | Err(_) => Ok(None),
+        }
+    }
 }
 
 /// The end of a descent.

@@ -8,6 +8,7 @@ use std::time::Instant;
 use self::space::{Ended, Filippov, Sequence};
 use super::candidates::Candidates;
 use super::portfolio::SEARCH;
+use super::programs::plan;
 use super::receding::SURPRISE;
 use super::request::Request;
 use super::solve::Start;
@@ -64,7 +65,7 @@ impl Ocp {
             let mut space = Filippov::new(self, None, out.known.clone(), request, control)?;
             let all = [Source::Guess, Source::Smoothing, Source::Samples, Source::Relaxation];
             let sources = if request.start == OcpStart::Smoothing { &all[1..2] } else { &all[..] };
-            let plan = self.plan(sources, self.settings.search_effort, request.search, false);
+            let plan = plan(&self.settings, sources, self.settings.search_effort, request.search, false);
             let mut all = match explore(&mut space, &plan, known, &mut spent.budget, control) {
                 // nothing was found before
                 Err(Error::Interrupted | Error::OutOfTime) => Vec::new(),
@@ -116,7 +117,7 @@ impl Ocp {
         let expected = last.priced + noise;
         let mut space = Filippov::new(self, Some(last), out.known.clone(), request, control)?;
         let mut step = |source: Source, least: usize, known: Known, control: &mut Control| -> Result<Known> {
-            let plan = self.plan(&[source], 0.0, least, false);
+            let plan = plan(&self.settings, &[source], 0.0, least, false);
             Ok(explore(&mut space, &plan, known, &mut spent.budget, control)?.all)
         };
         let cost = |known: &Known| known.first().filter(|k| k.0.rank.feasible).map_or(f64::INFINITY, |k| k.0.rank.cost);

@@ -21,6 +21,7 @@ use self::enumerate::Simulated;
 use self::space::{Choices, Ended, Motion};
 use super::optimality::{Optimality, Verdict};
 use super::portfolio::{HALF, SEARCH};
+use super::programs::plan;
 use super::request::Request;
 use super::solve::Start;
 use super::{Ocp, OcpResult};
@@ -127,7 +128,7 @@ impl Ocp {
         let is_cold = last.is_none();
         let all = [Source::Guess, Source::Relaxation, Source::Simulation, Source::Samples];
         let (sources, effort) = if is_cold { (&all[..], self.settings.search_effort) } else { (&all[..1], 0.0) };
-        let plan = self.plan(sources, effort, request.search, !self.has_costs());
+        let plan = plan(&self.settings, sources, effort, request.search, !self.has_costs());
         let mut space = Choices::new(self, last, request)?;
         let convex = is_cold && self.relaxes_to_convex();
         if convex {

@@ -1,13 +1,13 @@
 //! The end of a descent in the user's terms: controls, the motion that a simulation of them is, its events.
 
+use super::derivatives::gradient;
 use super::judged;
 use super::space::{failure, MET};
 use crate::error::{Error, Result};
-use crate::event::Run;
 use crate::fesd::{Element, Trajectory};
 use crate::mpcc::Polish;
 use crate::nlp::{Outcome, Residuals};
-use crate::ocp::descent::{missed, violation, Lowest, Program, Shooting, Values};
+use crate::ocp::descent::{missed, violation, Chain, Log, Lowest, Motion, Order, Program, Shooting, Values};
 use crate::ocp::request::Request;
 use crate::ocp::transitions::{JumpMade, AT_END};
 use crate::ocp::{stage_times, Adaptation, Contacts, Ocp, OcpResult, Round};
@@ -18,20 +18,75 @@ const POINTS: usize = 3;
 /// Share of an element by which its start is looked at behind an event there.
 const BEHIND: f64 = 1e-9;
 
+/// The end of a descent on problems one behind the other.
+pub(super) struct End {
+    /// A simulation of every problem.
+    pub motions: Vec<Motion>,
+    /// The gradient of the Lagrange function.
+    pub gradient: Vec<f64>,
+    /// What constraint is missed by how much; empty where all are met.
+    pub missed: String,
+    /// The largest violation of a link.
+    pub link_violation: f64,
+    /// Variables, rows, pairs.
+    pub dimensions: (usize, usize, usize),
+}
+
+impl End {
+    pub fn new(chain: &mut Chain, lowest: &Lowest) -> Result<End> {
+        let (motions, values) = chain.traced(&lowest.z, AT_END)?;
+        let Some(values) = values else {
+            let why = motions.iter().map(|m| &m.run.reason[..]).find(|r| !r.is_empty());
+            let why = why.unwrap_or("the end is not reached");
+            return Err(Error::Numeric(format!("the answer of a descent is simulated no more: {why}")));
+        };
+        let (lower, upper) = chain.row_bounds();
+        let of_link = |i: usize| violation(&values, [lower, upper], i);
+        Ok(End {
+            link_violation: chain.rows_between().map(of_link).fold(0.0, f64::max),
+            missed: if lowest.violation <= MET { String::new() } else { missed_text(chain, &values) },
+            dimensions: (lowest.z.len(), lower.len(), 0),
+            gradient: gradient(chain, lowest)?,
+            motions,
+        })
+    }
+}
+
+/// What constraint is missed by how much.
+fn missed_text(chain: &Chain, v: &Values) -> String {
+    let (lower, upper) = chain.row_bounds();
+    let share = |i: usize| missed(v, [lower, upper], i);
+    let worst = (0..v.rows.len()).max_by(|a, b| share(*a).total_cmp(&share(*b)));
+    let Some(i) = worst else { return String::new() };
+    format!(
+        "no controls were found whose simulation meets the constraints; those that come closest miss {} by {:.3e}: its value is {:.6e}, its \
+         bounds are {} and {}",
+        chain.row_name(i),
+        violation(v, [lower, upper], i),
+        v.rows[i],
+        lower[i],
+        upper[i]
+    )
+}
+
+/// What one of the problems has of the end of a descent.
+pub(super) struct Own<'a> {
+    pub shooting: &'a Shooting<'a>,
+    pub gradient: &'a [f64],
+    /// Are all constraints met?
+    pub solved: bool,
+}
+
 impl Ocp {
     /// The result of a descent.
     pub(super) fn simulated_result(
         &self,
-        shooting: &mut Shooting,
+        own: &Own,
         lowest: &Lowest,
+        motion: Motion,
         request: &Request,
     ) -> Result<OcpResult> {
-        let (run, values, behind) = shooting.traced(&lowest.z, AT_END * self.horizon / self.n_stages as f64)?;
-        let Some(values) = values else {
-            let why = if run.reason.is_empty() { "the end is not reached" } else { &run.reason[..] };
-            return Err(Error::Numeric(format!("the answer of a descent is simulated no more: {why}")));
-        };
-        let solved = lowest.violation <= MET;
+        let &Own { shooting, gradient, solved } = own;
         let d = self.system.dims();
         let (params, controls) = (shooting.all_params(&lowest.z), shooting.all_controls(&lowest.z));
         let mut r = OcpResult {
@@ -40,7 +95,7 @@ impl Ocp {
             message: String::new(),
             cost: f64::NAN,
             cost_reached: f64::NAN,
-            priced: values.cost,
+            priced: motion.cost,
             controls: Vec::new(),
             control_ends: Vec::new(),
             durations: self.durations.clone(),
@@ -51,58 +106,39 @@ impl Ocp {
             certificate: Default::default(),
             stats: Default::default(),
             time_build: 0.0,
-            dimensions: (shooting.n(), shooting.row_bounds().0.len(), 0),
+            dimensions: (0, 0, 0),
             accuracy: None,
             optimality: None,
             undefined: false,
             ended: None,
             adaptation: None,
             jumps: Vec::new(),
+            phases: Vec::new(),
             contacts: None,
         };
         shooting.tell(&lowest.z, &mut r);
         let (violated, penalty) = self.relaxation(shooting.extended(), &params, &controls, &r.durations);
-        (r.violation, r.cost_reached) = (violated, values.cost - penalty);
+        (r.violation, r.cost_reached) = (violated, motion.cost - penalty);
         if solved {
             r.cost = r.cost_reached;
-        } else {
-            r.message = self.missed_text(shooting, &values);
         }
-        let beside = self.write_motion((run, behind), shooting.n_front(), &mut r)?;
+        let beside = self.write_motion(motion, shooting.n_front(), &mut r)?;
         r.residuals.dual = lowest.left;
         if let (Some(c), true) = (request.comparison, solved) {
             let found = self.compare_motion(&r, &beside, c, &request.options)?;
             let other = found.contradicts(self.cost_size(r.priced));
             r.accuracy = Some(found);
-            let gradient = shooting.gradient(lowest)?;
-            r.optimality = Some(judged(lowest, other, shooting.own_controls(&gradient)));
+            r.optimality = Some(judged(lowest, other, shooting.own_controls(gradient)));
             r.adaptation = self.simulated_adaptation(&r);
         }
         Ok(r)
-    }
-
-    /// What constraint is missed by how much.
-    fn missed_text(&self, shooting: &Shooting, v: &Values) -> String {
-        let (lower, upper) = shooting.row_bounds();
-        let share = |i: usize| missed(v, [lower, upper], i);
-        let worst = (0..v.rows.len()).max_by(|a, b| share(*a).total_cmp(&share(*b)));
-        let Some(i) = worst else { return String::new() };
-        format!(
-            "no controls were found whose simulation meets the constraints; those that come closest miss {} by {:.3e}: its value is {:.6e}, its \
-             bounds are {} and {}",
-            shooting.row_name(i),
-            violation(v, [lower, upper], i),
-            v.rows[i],
-            lower[i],
-            upper[i]
-        )
     }
 
     /// The motion of a simulation, whose states stand behind `first` others, and its transitions; of every stage with an event at its end the
     /// state on the other side of that.
     fn write_motion(
         &self,
-        (run, behind): (Run, Option<Vec<f64>>),
+        Motion { run, active, behind, .. }: Motion,
         first: usize,
         r: &mut OcpResult,
     ) -> Result<Vec<Option<Vec<f64>>>> {
@@ -149,6 +185,10 @@ impl Ocp {
             });
             start = end;
         }
+        let span = [self.t0, self.t0 + r.durations.iter().sum::<f64>()];
+        let log = Log::of_run(&run);
+        let last = |k: usize| active.get(k).cloned().unwrap_or_default();
+        r.phases = Order::of(&log, &self.system, &last, span, self.same_time()).phases;
         let ends = &stage_times(self.t0, &r.durations)[1..];
         let stage_of = |t: f64| ends.iter().take_while(|e| **e < t).count().min(self.n_stages - 1);
         r.jumps = run

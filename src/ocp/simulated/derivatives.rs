@@ -45,17 +45,17 @@ fn lagrangian(values: &Values, multipliers: &[f64]) -> Vec<f64> {
     gradient
 }
 
-impl Shooting<'_> {
-    /// The gradient of the Lagrange function at the end of a descent: at a kink a combination of those on its sides.
-    pub(super) fn gradient(&mut self, found: &Lowest) -> Result<Vec<f64>> {
-        let mut sum = vec![0.0; found.z.len()];
-        for (weight, z) in found.sides() {
-            let values = self.simulated_at(z)?.ok_or_else(missing)?;
-            sum.iter_mut().zip(lagrangian(&values, &found.multipliers)).for_each(|(s, g)| *s += weight * g);
-        }
-        Ok(sum)
+/// The gradient of the Lagrange function at the end of a descent: at a kink a combination of those on its sides.
+pub(super) fn gradient(program: &mut dyn Program, found: &Lowest) -> Result<Vec<f64>> {
+    let mut sum = vec![0.0; found.z.len()];
+    for (weight, z) in found.sides() {
+        let values = program.values_at(z)?.ok_or_else(missing)?;
+        sum.iter_mut().zip(lagrangian(&values, &found.multipliers)).for_each(|(s, g)| *s += weight * g);
     }
+    Ok(sum)
+}
 
+impl Shooting<'_> {
     /// Is a variable held by a bound, with this gradient?
     fn holds(&self, z: &[f64], j: usize, gradient: &[f64]) -> bool {
         let (lower, upper, size) = self.bounds();
@@ -145,7 +145,7 @@ struct Conditions {
 
 impl Conditions {
     fn new(s: &mut Shooting, found: &Lowest) -> Result<Conditions> {
-        let values = s.simulated_at(&found.z)?.ok_or_else(missing)?;
+        let values = s.values_at(&found.z)?.ok_or_else(missing)?;
         let gradient = lagrangian(&values, &found.multipliers);
         let free: Vec<usize> = (0..found.z.len()).filter(|&j| !s.holds(&found.z, j, &gradient)).collect();
         let (active, weak) = s.active(&values, &found.multipliers);
@@ -164,7 +164,7 @@ impl Conditions {
 
     /// At other variables or data; nothing where there is no motion.
     fn at(&self, s: &mut Shooting, z: &[f64]) -> Result<Option<Vec<f64>>> {
-        Ok(s.simulated_at(z)?.map(|v| self.of(&v)))
+        Ok(s.values_at(z)?.map(|v| self.of(&v)))
     }
 
     /// Central differences by something of this size. Nothing where a side has no motion, or both say something else, as they do across a kink.
@@ -259,7 +259,7 @@ impl Ocp {
                 Multipliers { times, values: points.iter().flat_map(by).collect() }
             }
             MultipliersOf::Params | MultipliersOf::Controls => {
-                let gradient = s.gradient(&last.lowest)?;
+                let gradient = gradient(&mut s, &last.lowest)?;
                 let held = |j: usize| if s.holds(z, j, &gradient) { -gradient[j] } else { 0.0 };
                 let held: Vec<f64> = (0..z.len()).map(held).collect();
                 if of == MultipliersOf::Params {

@@ -14,21 +14,24 @@ mod space;
 
 use std::time::Instant;
 
+use self::answer::{End, Own};
 use self::space::{descend, Simulations, MET};
 use super::accuracy::Accuracy;
 use super::between::Between;
-use super::descent::{look_around, restore, Given, Lowest, Shooting, SAME_POINT};
+use super::descent::{look_around, restore, Chain, Given, Lowest, Preceding, Shooting, SAME_POINT};
 use super::extend::Extended;
+use super::joint::Link;
 use super::optimality::{Optimality, Verdict};
 use super::portfolio::SEARCH;
+use super::programs::plan;
 use super::request::Request;
 use super::solve::Start;
 use super::{stage_times, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
-use crate::nlp::{Control, Outcome, Statistics};
+use crate::nlp::{Control, Outcome};
 use crate::search::{self, explore, Budget, Source};
-use crate::settings::OcpStart;
+use crate::settings::{OcpStart, Settings};
 use crate::stop::{self, Why};
 use crate::system::{Kind, Order, System};
 
@@ -51,11 +54,39 @@ pub(super) struct Base {
 }
 
 impl Base {
+    fn given(&self, goes_on: bool, cuts: &[Vec<f64>]) -> (&Extended, Given<'_>) {
+        let Base { extended, usual, durations, x0, cost } = self;
+        let (cuts, before) = (cuts.to_vec(), Preceding::default());
+        (extended, Given { durations, x0, cost: *cost, usual, cuts, goes_on, before })
+    }
+
     /// The problem in the variables of descents.
     fn shooting<'a>(&'a self, ocp: &'a Ocp, cuts: &[Vec<f64>]) -> Result<Shooting<'a>> {
-        let Base { extended, usual, durations, x0, cost } = self;
-        Shooting::new(ocp, extended, Given { durations, x0, cost: *cost, usual, cuts: cuts.to_vec() })
+        let (extended, given) = self.given(true, cuts);
+        Shooting::new(ocp, extended, given)
     }
+}
+
+/// Problems one behind the other, the links between them, and how they are solved.
+pub(super) struct Task<'a> {
+    pub ocps: Vec<&'a mut Ocp>,
+    pub links: &'a [Vec<Link>],
+    pub settings: &'a Settings,
+}
+
+/// What stands for all that is not varied in a problem, and where constraints are looked at.
+type Parts = (Vec<Base>, Vec<Vec<Vec<f64>>>);
+
+/// The end of a search.
+pub(super) struct Found {
+    /// Answers of the problems.
+    pub results: Vec<OcpResult>,
+    /// What constraint is missed by how much, where one is.
+    pub missed: String,
+    /// The largest violation of a link.
+    pub link_violation: f64,
+    parts: Parts,
+    lowest: Lowest,
 }
 
 /// The end of a solve with what it is made of, for derivatives.
@@ -84,21 +115,32 @@ pub(super) fn only_simulates(s: &System) -> bool {
     !plain || choices || in_space || beside || m.check_contacts("optimal control").is_err()
 }
 
+/// Share of a stage within which events are one in an order of modes: simulations of the same motion tell their times that well.
+const SAME_TIME: f64 = 1e-6;
+
 impl Ocp {
+    /// Time within which events are one in an order of modes.
+    pub(super) fn same_time(&self) -> f64 {
+        SAME_TIME * self.horizon / self.n_stages as f64
+    }
+
     /// Is it solved by shooting?
     pub(super) fn is_simulated(&self) -> bool {
         let scene = self.system.mechanics().is_some_and(|m| m.order == Order::Second);
         self.simulated.only || scene && self.linear.contains(&true)
     }
 
-    fn check_simulated(&self) -> Result<()> {
+    pub(super) fn check_simulated(&self) -> Result<()> {
         let refused = |what: &str| {
             Err(Error::Unsupported(format!(
                 "this system is followed by simulations alone, in optimal control by shooting, which takes no {what}"
             )))
         };
-        if self.modes.is_some() {
-            return refused("modes that are given: guess controls that lead to them, and take the modes back");
+        let n: usize = self.system.mode_counts().iter().sum();
+        if let Some(given) = self.modes.as_ref().map(|m| m.modes.len() / m.times.len()).filter(|g| *g > 0 && *g != n) {
+            return Err(Error::Dimension(format!(
+                "the mode sequence has {given} modes in a phase, the system {n}: those of every contact, joint and constraint are four"
+            )));
         }
         if !self.complementarity.is_empty() {
             return refused("complementarity conditions of your own: make them part of the system");
@@ -118,57 +160,23 @@ impl Ocp {
             self.restate_start(r);
         }
         let base = self.base(last.as_ref())?;
-        let mut budget = Budget::new(f64::INFINITY);
-        let mut cuts = Shooting::cuts(self, &base.extended, vec![Vec::new(); self.n_stages]);
-        let found = control.sooner(SEARCH, |control| {
-            self.search_simulated(base.shooting(self, &cuts)?, last.as_ref(), request, &mut budget, control)
-        })?;
-        let Some(mut lowest) = found.all.into_iter().next().map(|f| f.0) else {
-            let none = "no controls that were tried could be simulated to the end of the horizon: give a guess of the controls that can";
-            return Err(stop::requested().map_or_else(|| Error::Numeric(none.into()), |why| why.error()));
-        };
-        let mut cut = (found.ended == search::Ended::Limit).then(|| stop::requested().unwrap_or(Why::Interrupted));
-        let mut result = None;
-        for round in 0..=ROUNDS {
-            let mut shooting = base.shooting(self, &cuts)?;
-            let before = shooting.steps;
-            if cut.is_none() {
-                match finish(&mut shooting, lowest.clone(), control, &mut budget) {
-                    Ok(better) => lowest = better,
-                    Err(Error::Interrupted | Error::OutOfTime) => {
-                        cut = Some(stop::requested().unwrap_or(Why::Interrupted))
-                    }
-                    Err(e) => return Err(e),
-                }
-            }
-            budget.simulated(self.system.dims().x, shooting.steps - before);
-            let mut r = self.simulated_result(&mut shooting, &lowest, request)?;
-            drop(shooting);
-            let counts = |b: &&Between| Accuracy::counts(b);
-            let more: Vec<Between> = r.accuracy.iter().flat_map(|a| a.along.iter().filter(counts)).copied().collect();
-            let last_round = round == ROUNDS || cut.is_some() || r.outcome != Outcome::Solved;
-            if last_round || !self.add_cuts(&mut cuts, &more, &r) {
-                if let Some(text) = self.violated_between(&r) {
-                    r.add_remark(&text);
-                }
-                result = Some(r);
-                break;
-            }
-            // a row for every new point: multipliers are those of the next descent
-            cuts = Shooting::cuts(self, &base.extended, cuts);
+        let settings = self.settings;
+        let mut task = Task { ocps: vec![self], links: &[], settings: &settings };
+        let mut found = task.solve(vec![base], last.as_ref().map(std::slice::from_ref), request, control)?;
+        let mut result = found.results.pop().ok_or_else(|| Error::Internal("a search without an answer".into()))?;
+        if !found.missed.is_empty() {
+            result.message = found.missed;
         }
-        let mut result = result.ok_or_else(|| Error::Internal("a search without an answer".into()))?;
-        result.stats = Statistics { time_total: clock.elapsed().as_secs_f64(), ..budget.stats };
-        if let Some(why) = cut {
-            result.tell_cut(why);
-        }
+        result.stats.time_total = clock.elapsed().as_secs_f64();
         self.result = Some(result);
-        self.simulated.last = Some(Box::new(Last { base, cuts, lowest }));
+        let (mut bases, mut cuts) = found.parts;
+        let last = bases.pop().zip(cuts.pop());
+        self.simulated.last = last.map(|(base, cuts)| Box::new(Last { base, cuts, lowest: found.lowest }));
         Ok(())
     }
 
     /// What descents begin with: an answer of before, or what is given.
-    fn base(&self, last: Option<&OcpResult>) -> Result<Base> {
+    pub(super) fn base(&self, last: Option<&OcpResult>) -> Result<Base> {
         let mut extended = self.extended()?;
         extended.params = self.extended_params(&extended);
         let wide = extended.system.dims().p.max(1);
@@ -183,28 +191,6 @@ impl Ocp {
             x0: known.map_or_else(|| self.initial_guess_state(), |e| e.x0.clone()),
             cost: last.map_or(0.0, |r| r.cost_reached),
         })
-    }
-
-    fn search_simulated(
-        &self,
-        shooting: Shooting,
-        last: Option<&OcpResult>,
-        request: &Request,
-        budget: &mut Budget,
-        control: &mut Control,
-    ) -> Result<search::Found<Lowest, Vec<u64>>> {
-        let mut space = Simulations::new(self, shooting, last);
-        let plan = |sources: &[Source], effort: f64| self.plan(sources, effort, request.search, !self.has_costs());
-        if last.is_some() {
-            let found = explore(&mut space, &plan(&[Source::Guess], 0.0), Vec::new(), budget, control)?;
-            if found.all.first().is_some_and(|f| f.0.violation <= MET) || stop::requested().is_some() {
-                return Ok(found);
-            }
-        }
-        let samples = self.has_costs() && request.start != OcpStart::Homotopy;
-        let sources = [Source::Simulation, Source::Samples];
-        let plan = plan(if samples { &sources } else { &sources[..1] }, self.settings.search_effort);
-        explore(&mut space, &plan, Vec::new(), budget, control)
     }
 
     /// Points at which constraints are violated, between those at which they are looked at. Are there new ones?
@@ -224,14 +210,136 @@ impl Ocp {
     }
 }
 
+impl Task<'_> {
+    /// Solves by shooting, from answers of before where there are some.
+    pub fn solve(
+        &mut self,
+        bases: Vec<Base>,
+        last: Option<&[OcpResult]>,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<Found> {
+        for (k, o) in self.ocps.iter().enumerate() {
+            // a start that follows from the end before it has the values of that
+            if k == 0 || self.links[k - 1].iter().all(|l| l.start.is_none()) {
+                o.check_discrete_start()?;
+            }
+        }
+        let mut budget = Budget::new(f64::INFINITY);
+        let of = |(o, b): (&&mut Ocp, &Base)| Shooting::cuts(o, &b.extended, vec![Vec::new(); o.n_stages]);
+        let cuts = self.ocps.iter().zip(&bases).map(of).collect();
+        let mut parts: Parts = (bases, cuts);
+        let found = control.sooner(SEARCH, |control| self.search(&parts, last, request, &mut budget, control))?;
+        let Some(mut lowest) = found.all.into_iter().next().map(|f| f.0) else {
+            let given = self.ocps.iter().any(|o| o.modes.is_some());
+            let none = match given {
+                true => "no controls that were tried lead to the modes that are given: guess controls that do, or take the modes back",
+                false => "no controls that were tried could be simulated to the end of the horizon: give a guess of the controls that can",
+            };
+            return Err(stop::requested().map_or_else(|| Error::Numeric(none.into()), |why| why.error()));
+        };
+        let mut cut = (found.ended == search::Ended::Limit).then(|| stop::requested().unwrap_or(Why::Interrupted));
+        for round in 0..=ROUNDS {
+            let mut chain = self.chain(&parts)?;
+            let before: Vec<usize> = chain.steps().map(|s| s.1).collect();
+            if cut.is_none() {
+                match finish(&mut chain, lowest.clone(), control, &mut budget) {
+                    Ok(better) => lowest = better,
+                    Err(Error::Interrupted | Error::OutOfTime) => {
+                        cut = Some(stop::requested().unwrap_or(Why::Interrupted))
+                    }
+                    Err(e) => return Err(e),
+                }
+            }
+            space::count(&chain, &before, &mut budget);
+            let end = End::new(&mut chain, &lowest)?;
+            drop(chain);
+            let (missed, link_violation) = (end.missed.clone(), end.link_violation);
+            let mut results = self.read(&parts, end, &lowest, request)?;
+            let solved = results.iter().all(|r| r.outcome == Outcome::Solved);
+            let mut added = false;
+            for ((o, cuts), r) in self.ocps.iter().zip(&mut parts.1).zip(&results) {
+                let counts = |b: &&Between| Accuracy::counts(b);
+                let more: Vec<Between> =
+                    r.accuracy.iter().flat_map(|a| a.along.iter().filter(counts)).copied().collect();
+                added |= o.add_cuts(cuts, &more, r);
+            }
+            if round < ROUNDS && cut.is_none() && solved && added {
+                // a row for every new point: multipliers are those of the next descent
+                for ((o, base), cuts) in self.ocps.iter().zip(&parts.0).zip(&mut parts.1) {
+                    *cuts = Shooting::cuts(o, &base.extended, std::mem::take(cuts));
+                }
+                continue;
+            }
+            for (o, r) in self.ocps.iter().zip(&mut results) {
+                if let Some(text) = o.violated_between(r) {
+                    r.add_remark(&text);
+                }
+                r.stats = budget.stats.clone();
+                cut.into_iter().for_each(|why| r.tell_cut(why));
+            }
+            return Ok(Found { results, missed, link_violation, parts, lowest });
+        }
+        Err(Error::Internal("a search without an end".into()))
+    }
+
+    /// All problems as one, in the variables of descents.
+    fn chain<'a>(&'a self, (bases, cuts): &'a Parts) -> Result<Chain<'a>> {
+        let all = self.ocps.iter().zip(bases.iter().zip(cuts));
+        let given = all.map(|(ocp, (base, cuts))| {
+            let (extended, given) = base.given(true, cuts);
+            (&**ocp, extended, given)
+        });
+        Chain::new(given.collect(), self.links)
+    }
+
+    fn search(
+        &self,
+        parts: &Parts,
+        last: Option<&[OcpResult]>,
+        request: &Request,
+        budget: &mut Budget,
+        control: &mut Control,
+    ) -> Result<search::Found<Lowest, Vec<u64>>> {
+        let mut space = Simulations::new(self.chain(parts)?, self.settings, last);
+        let has_costs = self.ocps.iter().any(|o| o.has_costs());
+        let plan = |sources: &[Source], effort: f64| plan(self.settings, sources, effort, request.search, !has_costs);
+        if last.is_some() {
+            let found = explore(&mut space, &plan(&[Source::Guess], 0.0), Vec::new(), budget, control)?;
+            if found.all.first().is_some_and(|f| f.0.violation <= MET) || stop::requested().is_some() {
+                return Ok(found);
+            }
+        }
+        let samples = has_costs && request.start != OcpStart::Homotopy;
+        let sources = [Source::Simulation, Source::Samples];
+        let plan = plan(if samples { &sources } else { &sources[..1] }, self.settings.search_effort);
+        explore(&mut space, &plan, Vec::new(), budget, control)
+    }
+
+    /// The end of a descent in the terms of every problem.
+    fn read(&mut self, parts: &Parts, end: End, lowest: &Lowest, request: &Request) -> Result<Vec<OcpResult>> {
+        // lengths before a problem may be free
+        let starts = end.motions.iter().map(|m| m.run.t);
+        self.ocps.iter_mut().skip(1).zip(starts).for_each(|(o, t)| o.t0 = t);
+        let chain = self.chain(parts)?;
+        let (gradient, solved, dimensions) = (&end.gradient[..], end.missed.is_empty(), end.dimensions);
+        let each = self.ocps.iter().zip(chain.parts()).zip(end.motions);
+        each.map(|((ocp, shooting), motion)| {
+            let r = ocp.simulated_result(&Own { shooting, gradient, solved }, lowest, motion, request)?;
+            Ok(OcpResult { dimensions, ..r })
+        })
+        .collect()
+    }
+}
+
 /// Descends from the end of a descent until that gains nothing, with the constraints met as well as they can be.
-fn finish(shooting: &mut Shooting, mut lowest: Lowest, control: &mut Control, budget: &mut Budget) -> Result<Lowest> {
+fn finish(chain: &mut Chain, mut lowest: Lowest, control: &mut Control, budget: &mut Budget) -> Result<Lowest> {
     for _ in 0..AGAIN {
         if lowest.stationary && lowest.violation <= MET {
             break;
         }
-        let start = restore(shooting, &lowest.z)?.unwrap_or_else(|| lowest.z.clone());
-        let Some(next) = descend(shooting, &start, LAST, control)? else { break };
+        let start = restore(chain, &lowest.z)?.unwrap_or_else(|| lowest.z.clone());
+        let Some(next) = descend(chain, &start, LAST, control)? else { break };
         budget.stats.iterations += next.evaluations;
         budget.stats.evaluations += next.evaluations;
         let gained = lowest.cost - next.cost > GAIN * lowest.cost.abs() || next.violation < 0.5 * lowest.violation;
@@ -243,7 +351,7 @@ fn finish(shooting: &mut Shooting, mut lowest: Lowest, control: &mut Control, bu
             break;
         }
     }
-    look_around(shooting, &mut lowest)?;
+    look_around(chain, &mut lowest)?;
     Ok(lowest)
 }
 

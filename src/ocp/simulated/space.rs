@@ -4,9 +4,10 @@ use std::rc::Rc;
 
 use crate::error::{Error, Result};
 use crate::nlp::{Control, IterationInfo, Outcome};
-use crate::ocp::descent::{self, minimise, Lowest, Program, Shooting, Values};
+use crate::ocp::descent::{self, minimise, Chain, Lowest, Program, Values};
 use crate::ocp::{transitions, Ocp, OcpResult};
 use crate::search::{Budget, Candidate, Limits, Neighbour, Rank, Sampler, Source, Space};
+use crate::settings::Settings;
 use crate::stop;
 
 /// Simulations of the horizon of one descent at most.
@@ -19,59 +20,81 @@ type Start = Rc<Vec<f64>>;
 
 /// Controls, with lengths, parameters and initial states that are free.
 pub(super) struct Simulations<'a> {
-    ocp: &'a Ocp,
-    shooting: Shooting<'a>,
-    /// An answer of before.
-    last: Option<&'a OcpResult>,
-    /// Controls that are tried without a search, those that come first last.
-    controls: Vec<Vec<f64>>,
+    chain: Chain<'a>,
+    settings: &'a Settings,
+    /// Answers of before.
+    last: Option<&'a [OcpResult]>,
+    /// Controls of every problem that are tried without a search, those that come first last.
+    controls: Vec<Vec<[Vec<f64>; 2]>>,
     sampler: Sampler,
 }
 
+/// Constant controls, at both ends of stages.
+fn constant(u: Vec<f64>) -> [Vec<f64>; 2] {
+    [u.clone(), u]
+}
+
 impl<'a> Simulations<'a> {
-    pub fn new(ocp: &'a Ocp, shooting: Shooting<'a>, last: Option<&'a OcpResult>) -> Simulations<'a> {
-        let mut controls = transitions::extremes(ocp);
-        controls.reverse();
-        let sampler = Sampler::new(ocp.settings.search_seed as u64);
-        Simulations { ocp, shooting, last, controls, sampler }
+    pub fn new(chain: Chain<'a>, settings: &'a Settings, last: Option<&'a [OcpResult]>) -> Simulations<'a> {
+        let each: Vec<Vec<Vec<f64>>> = chain.parts().iter().map(|p| transitions::extremes(p.ocp())).collect();
+        let most = each.iter().map(Vec::len).max().unwrap_or(0);
+        // a problem with fewer of them keeps the guess that is its first
+        let nth = |k: usize| each.iter().map(|c| constant(c.get(k).unwrap_or(&c[0]).clone())).collect();
+        let controls = (0..most).rev().map(nth).collect();
+        let sampler = Sampler::new(settings.search_seed as u64);
+        Simulations { chain, settings, last, controls, sampler }
     }
 
-    fn candidate(&self, controls: (&[f64], &[f64])) -> Candidate<Vec<u64>, Start> {
-        let z = self.shooting.place_fresh(controls);
-        Candidate::new(z.iter().map(|v| v.to_bits()).collect(), Rc::new(z))
+    fn candidate(&mut self, controls: &[[Vec<f64>; 2]]) -> Result<Candidate<Vec<u64>, Start>> {
+        let z = self.chain.place(controls)?;
+        Ok(Candidate::new(z.iter().map(|v| v.to_bits()).collect(), Rc::new(z)))
+    }
+
+    /// Steps of every problem so far.
+    fn steps(&self) -> Vec<usize> {
+        self.chain.steps().map(|s| s.1).collect()
     }
 
     /// Counts the steps since there were `before`.
-    fn count(&self, before: usize, budget: &mut Budget) {
-        budget.simulated(self.ocp.system.dims().x, self.shooting.steps - before);
+    fn count(&self, before: &[usize], budget: &mut Budget) {
+        count(&self.chain, before, budget);
     }
 
     /// Random controls, those first whose simulations miss the constraints least and cost least.
     fn samples(&mut self, budget: &mut Budget) -> Result<Vec<Candidate<Vec<u64>, Start>>> {
-        let ranges = self.ocp.control_ranges();
-        let known = self.ocp.control_guess();
+        let ocps: Vec<&Ocp> = self.chain.parts().iter().map(|p| p.ocp()).collect();
         let mut found: Vec<(f64, f64, Candidate<Vec<u64>, Start>)> = Vec::new();
-        for _ in 0..self.ocp.settings.search_samples {
+        for _ in 0..self.settings.search_samples {
             if stop::requested().is_some() {
                 break;
             }
-            let u = self.ocp.within_bounds(self.sampler.draw(self.ocp.n_stages, &ranges, &known));
-            let candidate = self.candidate((&u, &u));
-            let before = self.shooting.steps;
-            let values = self.shooting.values_at(&candidate.motion)?;
-            self.count(before, budget);
+            let sampler = &mut self.sampler;
+            let mut draw = |o: &Ocp| {
+                let drawn = sampler.draw(o.n_stages, &o.control_ranges(), &o.control_guess());
+                constant(o.within_bounds(drawn))
+            };
+            let controls: Vec<[Vec<f64>; 2]> = ocps.iter().map(|o| draw(o)).collect();
+            let before = self.steps();
+            let candidate = self.candidate(&controls)?;
+            let values = self.chain.plain_at(&candidate.motion)?;
+            self.count(&before, budget);
             // what cannot be simulated leads nowhere
             let Some(v) = values else { continue };
-            found.push((missed(&self.shooting, &v), v.cost, candidate));
+            found.push((missed(&self.chain, &v), v.cost, candidate));
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         Ok(found.into_iter().map(|f| f.2).collect())
     }
 }
 
+/// Counts the steps of every problem since there were `before`.
+pub(super) fn count(chain: &Chain, before: &[usize], budget: &mut Budget) {
+    chain.steps().zip(before).for_each(|((nx, steps), before)| budget.simulated(nx, steps - before));
+}
+
 /// The largest violation of a constraint in units of what states and controls of their sizes change it by, none where it is within [`MET`].
-fn missed(shooting: &Shooting, v: &Values) -> f64 {
-    let (lower, upper) = shooting.row_bounds();
+fn missed(program: &dyn Program, v: &Values) -> f64 {
+    let (lower, upper) = program.row_bounds();
     let of = |i: usize| descent::missed(v, [lower, upper], i);
     (0..v.rows.len()).map(of).filter(|m| *m > MET).fold(0.0, f64::max)
 }
@@ -90,10 +113,17 @@ impl Space for Simulations<'_> {
         _: &mut Control,
     ) -> Result<Vec<Candidate<Vec<u64>, Start>>> {
         Ok(match source {
-            Source::Guess => {
-                self.last.take().map(|r| self.candidate((&r.controls, &r.control_ends))).into_iter().collect()
-            }
-            Source::Simulation => self.controls.pop().map(|u| self.candidate((&u, &u))).into_iter().collect(),
+            Source::Guess => match self.last.take() {
+                Some(last) => {
+                    let known: Vec<_> = last.iter().map(|r| [r.controls.clone(), r.control_ends.clone()]).collect();
+                    vec![self.candidate(&known)?]
+                }
+                None => Vec::new(),
+            },
+            Source::Simulation => match self.controls.pop() {
+                Some(controls) => vec![self.candidate(&controls)?],
+                None => Vec::new(),
+            },
             Source::Samples if self.sampler.begin_round() => self.samples(budget)?,
             _ => Vec::new(),
         })
@@ -106,9 +136,9 @@ impl Space for Simulations<'_> {
         budget: &mut Budget,
         control: &mut Control,
     ) -> Result<Vec<(Vec<u64>, Lowest)>> {
-        let before = self.shooting.steps;
-        let found = descend(&mut self.shooting, &candidate.motion, EVALUATIONS, control)?;
-        self.count(before, budget);
+        let before = self.steps();
+        let found = descend(&mut self.chain, &candidate.motion, EVALUATIONS, control)?;
+        self.count(&before, budget);
         budget.stats.iterations += found.as_ref().map_or(1, |f| f.evaluations);
         budget.stats.evaluations += found.as_ref().map_or(1, |f| f.evaluations);
         Ok(found.map(|f| (candidate.sequence.clone(), f)).into_iter().collect())
@@ -132,12 +162,12 @@ impl Space for Simulations<'_> {
 
 /// A descent that is reported; nothing where it does not begin.
 pub(super) fn descend(
-    shooting: &mut Shooting,
+    program: &mut dyn Program,
     z: &[f64],
     evaluations: usize,
     control: &mut Control,
 ) -> Result<Option<Lowest>> {
-    let found = minimise(shooting, z, evaluations)?;
+    let found = minimise(program, z, evaluations)?;
     if let (Some(f), Some(monitor)) = (&found, control.monitor.as_mut()) {
         let told = IterationInfo { iter: f.evaluations, objective: f.cost, inf_pr: f.violation, ..Default::default() };
         if !monitor(&told) {

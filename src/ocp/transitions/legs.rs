@@ -42,17 +42,19 @@ pub(super) fn knows_time(f: &dyn Function) -> bool {
     !f.jac_pattern().rows(f.dims().t_col()).is_empty()
 }
 
-/// What the statement may not have where there are transitions.
-pub(super) fn check(ocp: &Ocp) -> Result<()> {
-    for s in ocp.system.discrete_states() {
-        let (l, u) = (ocp.x0_bounds[0][s], ocp.x0_bounds[1][s]);
-        if l != u {
-            return Err(Error::State(format!(
-                "state {s} is discrete: its initial value must be given, its bounds are {l} and {u}"
-            )));
+impl Ocp {
+    /// Are the initial values of discrete states given? They jump, and no search varies them.
+    pub(in crate::ocp) fn check_discrete_start(&self) -> Result<()> {
+        for s in self.system.discrete_states() {
+            let (l, u) = (self.x0_bounds[0][s], self.x0_bounds[1][s]);
+            if l != u {
+                return Err(Error::State(format!(
+                    "state {s} is discrete: its initial value must be given, its bounds are {l} and {u}"
+                )));
+            }
         }
+        Ok(())
     }
-    Ok(())
 }
 
 impl Leg {

@@ -24,6 +24,7 @@ use self::space::{Ended, Transitions};
 use super::accuracy::{self, Accuracy, Answer, Replay};
 use super::between::Rows;
 use super::optimality::{Kink, Optimality, OTHER};
+use super::programs::plan;
 use super::request::{Comparison, Request};
 use super::solve::Start;
 use super::{stage_times, Durations, Ocp, OcpResult, TransitionAt};
@@ -102,7 +103,7 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<&OcpResult> {
         let clock = Instant::now();
-        legs::check(self)?;
+        self.check_discrete_start()?;
         self.transitions.last = None;
         let last = if matches!(start, Start::Warm | Start::Carried) { self.result.take() } else { None };
         let mut budget = Budget::new(f64::INFINITY);
@@ -164,7 +165,8 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<(search::Found<Ended, Sequence>, Automaton)> {
         let mut space = Transitions::new(self, last, request)?;
-        let plan = |sources: &[Source], effort: f64| self.plan(sources, effort, request.search, self.is_determined());
+        let any = self.is_determined();
+        let plan = |sources: &[Source], effort: f64| plan(&self.settings, sources, effort, request.search, any);
         if let (None, Some(modes)) = (last, &self.modes) {
             let given = space.given(modes, budget)?;
             let found = match request.search {

@@ -1,0 +1,98 @@
+//! Modes of a simulation as they follow each other, and its transitions.
+
+use crate::event::{Engine, Jump, Phase, Run, Switch};
+use crate::ocp::ModeSequence;
+use crate::system::System;
+
+/// The modes of every phase of a motion, and the transitions in the order they are made.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(in crate::ocp) struct Order {
+    /// Start of every phase from the start of the horizon, and the modes that are active in it, in the order of [`System::mode_counts`].
+    pub phases: Vec<(f64, Vec<bool>)>,
+    pub transitions: Vec<usize>,
+}
+
+/// What a simulation has taken down.
+pub(in crate::ocp) struct Log<'a> {
+    switches: &'a [Switch],
+    contacts: &'a [Phase],
+    jumps: &'a [Jump],
+}
+
+impl<'a> Log<'a> {
+    pub fn of_engine(e: &'a Engine) -> Log<'a> {
+        Log { switches: e.switches(), contacts: e.phases(), jumps: e.jumps() }
+    }
+
+    pub fn of_run(r: &'a Run) -> Log<'a> {
+        Log { switches: &r.switches, contacts: &r.phases, jumps: &r.jumps }
+    }
+}
+
+impl Order {
+    /// What a user gives.
+    pub fn given(m: &ModeSequence) -> Order {
+        let n = m.modes.len() / m.times.len().max(1);
+        let mut order = Order { phases: Vec::new(), transitions: m.transitions.iter().map(|t| t.transition).collect() };
+        m.times.iter().enumerate().for_each(|(k, t)| order.push(*t, &m.modes[k * n..(k + 1) * n]));
+        order
+    }
+
+    fn push(&mut self, t: f64, modes: &[bool]) {
+        if self.phases.last().is_none_or(|p| p.1 != modes) {
+            self.phases.push((t, modes.to_vec()));
+        }
+    }
+
+    /// That of a simulation from `t0` to `end`, whose active modes at the end `last` says for every subsystem that switches. Events within `same` are one.
+    pub fn of(log: &Log, system: &System, last: &dyn Fn(usize) -> Vec<usize>, [t0, end]: [f64; 2], same: f64) -> Order {
+        let counts = system.mode_counts();
+        let firsts: Vec<usize> = counts.iter().scan(0, |sum, n| Some(std::mem::replace(sum, *sum + n))).collect();
+        let n_contacts = log.contacts.first().map_or(0, |p| p.modes.len());
+        let contacts = system.n_switching()..system.n_switching() + n_contacts;
+        let mut modes = vec![false; counts.iter().sum()];
+        let set = |modes: &mut [bool], k: usize, active: &[usize]| {
+            let Some((first, n)) = firsts.get(k).zip(counts.get(k)) else { return };
+            modes[*first..first + n].fill(false);
+            active.iter().filter(|m| *m < n).for_each(|m| modes[first + m] = true);
+        };
+        for k in (0..counts.len()).filter(|k| !contacts.contains(k)) {
+            let first = log.switches.iter().find(|s| s.subsystem == k);
+            set(&mut modes, k, &first.map_or_else(|| last(k), |s| s.before.clone()));
+        }
+        let mut order = Order { phases: Vec::new(), transitions: log.jumps.iter().map(|j| j.transition).collect() };
+        let (mut switches, mut phases) = (log.switches.iter().peekable(), log.contacts.iter().peekable());
+        let mut from = t0;
+        loop {
+            // all that happens at one time
+            while switches.peek().is_some_and(|s| s.t <= from + same)
+                || phases.peek().is_some_and(|p| p.t <= from + same)
+            {
+                if let Some(s) = switches.next_if(|s| s.t <= from + same) {
+                    set(&mut modes, s.subsystem, &s.after);
+                }
+                if let Some(p) = phases.next_if(|p| p.t <= from + same) {
+                    p.modes.iter().enumerate().for_each(|(i, m)| set(&mut modes, contacts.start + i, &[*m]));
+                }
+            }
+            order.push(from - t0, &modes);
+            let next = switches
+                .peek()
+                .map(|s| s.t)
+                .into_iter()
+                .chain(phases.peek().map(|p| p.t))
+                .fold(f64::INFINITY, f64::min);
+            if next >= end - same {
+                return order;
+            }
+            from = next;
+        }
+    }
+
+    /// Do modes and transitions follow each other in the same order? Modes that were not given say nothing.
+    pub fn is_like(&self, given: &Order) -> bool {
+        let says = given.phases.iter().any(|p| !p.1.is_empty());
+        let modes = |o: &Order| o.phases.iter().map(|p| p.1.clone()).collect::<Vec<_>>();
+        self.transitions == given.transitions && (!says || modes(self) == modes(given))
+    }
+}
