@@ -260,7 +260,7 @@ impl MultiPhase {
             link_violation: found.link_violation,
             error: found.results.iter().fold(0.0, error),
             residuals: last.residuals,
-            stats: last.stats.clone(),
+            stats: last.stats,
             dimensions: last.dimensions,
             phases: found.results,
         })

@@ -275,7 +275,7 @@ impl Task<'_> {
                 if let Some(text) = o.violated_between(r) {
                     r.add_remark(&text);
                 }
-                r.stats = budget.stats.clone();
+                r.stats = budget.stats;
                 cut.into_iter().for_each(|why| r.tell_cut(why));
             }
             return Ok(Found { results, missed, link_violation, parts, lowest });
