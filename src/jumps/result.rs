@@ -75,6 +75,21 @@ impl Contacts {
         }
     }
 
+    /// Which modes are active, four for every contact, in the phases that are longer than `shortest`, by the times from the start of the horizon at
+    /// which they begin.
+    pub(crate) fn active(&self, shortest: f64) -> Vec<(f64, Vec<bool>)> {
+        let all = self.phases();
+        let t0 = all.first().map_or(0.0, |p| p.0);
+        let lasting = all.into_iter().filter(|(from, to, _)| to - from > shortest);
+        let flags = |modes: &[ContactMode]| modes.iter().flat_map(|m| (0..4).map(move |k| *m as usize == k)).collect();
+        let mut active: Vec<(f64, Vec<bool>)> = lasting.map(|(from, _, m)| (from - t0, flags(&m))).collect();
+        active.dedup_by(|b, a| a.1 == b.1);
+        if let Some(first) = active.first_mut() {
+            first.0 = 0.0;
+        }
+        active
+    }
+
     /// Of a simulation of a scene with dense output, whose control stages end at these times.
     pub(crate) fn of_run(run: Run, ends: &[f64]) -> Contacts {
         let modes: Vec<Vec<ContactMode>> = run

@@ -382,11 +382,15 @@ impl Replay {
         }
         let extended = with_cost(projected.unwrap_or(system), system.dims(), lagrange, answer.linear)?;
         let sizes = sizes_of(answer);
-        let only_events = projected.is_some() || system.mechanics().is_some() || !system.transitions().is_empty();
-        if only_events || system.n_algebraic() == 0 && system.inclusions().is_empty() {
-            let loose = Options { max_steps: MAX_STEPS, ..tolerances(tol, &sizes) };
-            let method = Method::Events(Box::new(Engine::stopping_for_all(&extended, &loose)?));
-            return Ok(Replay { method, tol, sizes, options: *options });
+        let loose = Options { max_steps: MAX_STEPS, ..tolerances(tol, &sizes) };
+        match Engine::stopping_for_all(&extended, &loose) {
+            Ok(engine) => {
+                let method = Method::Events(Box::new(engine));
+                return Ok(Replay { method, tol, sizes, options: *options });
+            }
+            // what events do not follow, finite elements of another order do
+            Err(Error::Unsupported(_)) if projected.is_none() && system.mechanics().is_none() => {}
+            Err(e) => return Err(e),
         }
         let coarse = &options.discretisation;
         let discretisation = fesd::Options {

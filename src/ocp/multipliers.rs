@@ -200,9 +200,8 @@ impl Ocp {
     }
 
     fn found_multipliers(&mut self, of: MultipliersOf) -> Result<Multipliers> {
-        let simulated = self.is_simulated();
-        if self.system.mechanics().is_some() && !simulated {
-            return Err(Error::State("multipliers are not known of problems with contacts".into()));
+        if self.is_scene() {
+            self.simulate_answer()?;
         }
         let n = self.count_multipliers(of);
         if let MultipliersOf::Path(k)
@@ -214,7 +213,7 @@ impl Ocp {
                 return Err(Error::Range(format!("there is no constraint {k} of this kind: there are {n}")));
             }
         }
-        if simulated {
+        if self.is_answered_by_simulation() {
             return self.simulated_multipliers(of);
         }
         let none = || Error::State("there is no exact solution to have multipliers: solve the problem first".into());

@@ -50,10 +50,10 @@ pub struct MultiPhaseResult {
 
 /// Phases one after the other.
 pub struct MultiPhase {
-    phases: Vec<Ocp>,
+    pub(super) phases: Vec<Ocp>,
     /// Between phase `k` and the next.
     links: Vec<Vec<Link>>,
-    settings: Settings,
+    pub(super) settings: Settings,
     joint: Option<Joint>,
     result: Option<MultiPhaseResult>,
 }
@@ -69,9 +69,6 @@ impl MultiPhase {
         let Some(first) = phases.first() else {
             return Err(Error::Dimension("a problem of several phases needs one at least".into()));
         };
-        for p in &phases {
-            p.system.check_without_choices("a problem of several phases")?;
-        }
         let settings = first.settings;
         let links = (1..phases.len()).map(|_| Vec::new()).collect();
         Ok(MultiPhase { phases, links, settings, joint: None, result: None })
@@ -195,10 +192,23 @@ impl MultiPhase {
         let clock = Instant::now();
         self.phases.iter_mut().try_for_each(Ocp::complete_params)?;
         let request = Request { explain: false, ..Request::from_settings(&self.settings)? };
+        self.phases.iter_mut().for_each(|p| p.chosen = None);
+        let choices = self.phases.iter().any(|p| !p.system.choices().is_empty());
+        let mut r = if choices { self.solve_choices(&request, control)? } else { self.solve_fixed(&request, control)? };
+        r.stats.time_total = clock.elapsed().as_secs_f64();
+        Ok(self.result.insert(r))
+    }
+
+    /// The same problem, nothing built and nothing solved.
+    pub(super) fn blank(&self) -> MultiPhase {
+        let phases = self.phases.iter().map(Ocp::blank).collect();
+        MultiPhase { phases, links: self.links.clone(), settings: self.settings, joint: None, result: None }
+    }
+
+    /// Solves with the choices that are made.
+    pub(super) fn solve_fixed(&mut self, request: &Request, control: &mut Control) -> Result<MultiPhaseResult> {
         if self.phases.iter().any(|p| p.is_simulated() || p.is_scene() || p.has_transitions()) {
-            let mut r = self.solve_simulated(&request, control)?;
-            r.stats.time_total = clock.elapsed().as_secs_f64();
-            return Ok(self.result.insert(r));
+            return self.solve_simulated(request, control);
         }
         for p in &mut self.phases {
             let before = p.builds;
@@ -215,14 +225,12 @@ impl MultiPhase {
         }
         // the parts are handed out, and come back whatever happens
         let mut joint = self.joint.take();
-        let r = self.solve_built(&mut built, &mut joint, &request, control);
+        let r = self.solve_built(&mut built, &mut joint, request, control);
         self.joint = joint;
         for (p, b) in self.phases.iter_mut().zip(built) {
             p.built = Some(b);
         }
-        let mut r = r?;
-        r.stats.time_total = clock.elapsed().as_secs_f64();
-        Ok(self.result.insert(r))
+        r
     }
 
     /// Nominal times at which the phases begin.

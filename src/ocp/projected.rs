@@ -43,13 +43,13 @@ impl Ocp {
         with_cost(system, e.system.dims(), e.lagrange.as_ref(), &self.linear)
     }
 
-    /// Judges an answer of a projected system by a descent from it.
-    pub(super) fn judge_by_descent(&self, r: &OcpResult, b: &Built) -> Result<Optimality> {
-        let known = self.known_or_own_sizes()?;
-        let controls = (&r.controls[..], &r.control_ends[..]);
-        let Some((found, moved)) = self.lowest_from(b, r, controls, &known)? else {
-            return Ok(Optimality::unknown(NO_DESCENT));
+    /// Judges an answer by a descent on simulations from it: of a program `b` that was discretised, or of another one.
+    pub(super) fn judge_by_descent(&self, r: &OcpResult, b: Option<&Built>) -> Result<Optimality> {
+        let found = match b {
+            Some(b) => self.lowest_from(b, r, &self.known_or_own_sizes()?)?,
+            None => self.lowest_of_simulated(r)?,
         };
+        let Some((found, moved)) = found else { return Ok(Optimality::unknown(NO_DESCENT)) };
         let own = r.priced;
         // what the discretisation makes of the cost, in the unit of the gain
         let error = (found.before - own).abs() / found.unit;
@@ -70,6 +70,17 @@ impl Ocp {
             out.direction = moved.controls.iter().zip(&r.controls).map(|(a, b)| a - b).collect();
         }
         Ok(out)
+    }
+
+    /// What the conditions of an answer leave open, as a descent on simulations judges it, unless these are other motions or there is no time.
+    pub(super) fn or_by_descent(&self, known: Optimality, r: &OcpResult) -> Optimality {
+        if known.verdict != Verdict::Unknown || known.reason == OTHER || stop::requested().is_some() {
+            return known;
+        }
+        match self.judge_by_descent(r, None) {
+            Ok(found) if found.verdict != Verdict::Unknown => found,
+            _ => known,
+        }
     }
 
     /// As long as a descent on simulations leads from the last answer of a projected system to less, the mode program of the contacts at its end is
@@ -136,7 +147,7 @@ impl Ocp {
             return Ok(false);
         }
         let known = self.known_or_own_sizes()?;
-        let found = self.lowest_from(b, r, (&r.controls, &r.control_ends), &known)?;
+        let found = self.lowest_from(b, r, &known)?;
         let Some((_, moved)) = found else { return Ok(false) };
         self.solve_contacts(&moved, clock, request, control)
     }

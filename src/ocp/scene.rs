@@ -104,7 +104,8 @@ impl Ocp {
                     result.stats = last.answer.stats;
                 }
             }
-            result.optimality = Some(self.scene_optimality(&last.answer, followed));
+            let known = self.scene_optimality(&last.answer, followed);
+            result.optimality = Some(self.or_by_descent(known, &result));
             if let Some(why) = stop::requested() {
                 result.tell_cut(why);
             }
@@ -200,16 +201,6 @@ impl Ocp {
                 "controls of scenes are constant on every stage: make the rate a control, and the control a state of the scene \
                  beside coordinates and velocities"
                     .into(),
-            ));
-        }
-        if self.settings.adapt_tol > 0.0 {
-            return Err(Error::Unsupported(
-                "grids of scenes are not adapted: set adapt_tol to 0, and n_fe or n_s higher".into(),
-            ));
-        }
-        if self.modes.is_some() {
-            return Err(Error::Unsupported(
-                "the order of contacts is searched and not given: guess controls that lead to it, and take the modes back".into(),
             ));
         }
         if !e.complementarity.is_empty() {
@@ -330,6 +321,7 @@ impl Ocp {
         }
         let (violation, penalty) = self.relaxation(e, &slack_params, all, &durations);
         let cost = a.cost - penalty;
+        let contacts = Contacts::new(p, a);
         OcpResult {
             outcome: a.outcome,
             polish: if a.is_solved() { Polish::Done } else { Polish::None },
@@ -354,8 +346,8 @@ impl Ocp {
             ended: None,
             adaptation: None,
             jumps: Vec::new(),
-            phases: Vec::new(),
-            contacts: Some(Contacts::new(p, a)),
+            phases: contacts.active(self.same_time()),
+            contacts: Some(contacts),
         }
     }
 

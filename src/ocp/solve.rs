@@ -296,6 +296,7 @@ impl Ocp {
 
     /// Solves where no choice is open, on one grid or several, and looks at what grids do not show.
     pub(super) fn solve_chosen(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<()> {
+        self.simulated.last = None;
         if self.is_simulated() {
             return self.solve_simulated(start, request, control);
         }
@@ -306,7 +307,32 @@ impl Ocp {
             return Ok(());
         }
         self.follow_contacts(start, request, control)?;
-        self.impose_between(request, control)
+        self.impose_between(request, control)?;
+        self.better_by_simulations(request, control)
+    }
+
+    /// Where a descent on simulations leads from an answer to less, and no search goes on from there, its end takes the place of the answer.
+    fn better_by_simulations(&mut self, request: &Request, control: &mut Control) -> Result<()> {
+        let is_bettered = |r: &OcpResult| r.optimality.as_ref().is_some_and(|o| o.verdict == Verdict::NotOptimal);
+        let Some(before) = self.result.clone().filter(|r| !self.has_search() && is_bettered(r)) else { return Ok(()) };
+        let solved = self.solve_simulated(Start::Warm, request, control);
+        let gained = |r: &OcpResult| r.is_exact() && r.priced < before.priced;
+        match solved {
+            Ok(()) if self.result.as_ref().is_some_and(gained) => {
+                let spent = before.stats;
+                if let Some(r) = self.result.as_mut() {
+                    r.stats.add(&spent);
+                    r.stats.time_total += spent.time_total;
+                }
+            }
+            // the answer before stays one
+            Ok(()) | Err(Error::Interrupted | Error::OutOfTime | Error::Unsupported(_) | Error::Numeric(_)) => {
+                self.simulated.last = None;
+                self.result = Some(before);
+            }
+            Err(e) => return Err(e),
+        }
+        Ok(())
     }
 
     /// Solves on one grid.

@@ -13,9 +13,12 @@ mod arbiter;
 #[cfg(test)]
 mod memory_tests;
 mod options;
+mod transitions;
 
 pub use arbiter::arbiter;
 pub use options::SolveOptions;
+
+use self::transitions::Watch;
 
 use std::time::Instant;
 
@@ -51,6 +54,25 @@ pub struct SimResult {
     pub primal: f64,
     /// Largest `min(λ, θ)` over the steps.
     pub pair_min: f64,
+    /// Transitions in the order they were made, with their times.
+    pub jumps: Vec<(f64, usize)>,
+}
+
+/// What finite elements do not know of transitions.
+fn check_transitions(system: &System) -> Result<()> {
+    let transitions = system.transitions();
+    if let Some(k) = transitions.iter().position(|t| !t.is_plain()) {
+        return Err(Error::Unsupported(format!(
+            "transition {k} is no comparison that makes the state jump where it is true: a simulation by finite elements does not follow events that \
+             note or stop, edges, and conditions of several comparisons; simulate the system event-driven"
+        )));
+    }
+    if !transitions.is_empty() && system.n_algebraic() > 0 {
+        return Err(Error::Unsupported(
+            "a simulation by finite elements takes no transitions next to algebraic states: simulate the system event-driven".into(),
+        ));
+    }
+    Ok(())
 }
 
 /// A step is halved at most so often.
@@ -102,6 +124,9 @@ pub struct Simulator {
     saved_x: Vec<f64>,
     /// Parts beyond exact signs left to the present step.
     tries: usize,
+    p: Vec<f64>,
+    /// Transitions, where there are some.
+    watch: Option<Watch>,
 }
 
 impl Simulator {
@@ -113,8 +138,10 @@ impl Simulator {
     /// Makes a simulator like [`Simulator::new`].
     pub fn with_options(system: &System, options: &SolveOptions) -> Result<Simulator> {
         let d = system.dims();
-        let system = system.with_multipliers()?;
-        system.check_without_transitions("a simulation by finite elements")?;
+        check_transitions(system)?;
+        let watch = (!system.transitions().is_empty()).then(|| Watch::new(system));
+        let flow = system.without_transitions();
+        let system = flow.with_multipliers()?;
         system.check_without_contacts("a simulation by finite elements")?;
         let dcs = Dcs::new(&system, options.form)?;
         let detects = options.discretisation.discretisation == Discretisation::Fesd;
@@ -145,6 +172,8 @@ impl Simulator {
             last: Vec::with_capacity(problem.n_cells()),
             saved_x: vec![0.0; d.x],
             tries: MAX_TRIES,
+            p: vec![0.0; d.p],
+            watch,
             problem,
             solver,
         })
@@ -157,6 +186,7 @@ impl Simulator {
         self.t = t;
         self.x.copy_from_slice(x);
         self.last.clear();
+        self.watch.iter_mut().for_each(Watch::begin);
         Ok(())
     }
 
@@ -169,7 +199,9 @@ impl Simulator {
 
     /// Sets the parameters.
     pub fn set_params(&mut self, p: &[f64]) -> Result<()> {
-        self.problem.set_params(p)
+        self.problem.set_params(p)?;
+        self.p.copy_from_slice(p);
+        Ok(())
     }
 
     /// Time reached.
@@ -228,6 +260,7 @@ impl Simulator {
             non_unique: Vec::new(),
             primal: 0.0,
             pair_min: 0.0,
+            jumps: Vec::new(),
         }
     }
 
@@ -242,7 +275,8 @@ impl Simulator {
         let (t, elements, switches) = (self.t, r.trajectory.elements.len(), r.trajectory.switches.len());
         self.saved_x.copy_from_slice(&self.x);
         self.tries = MAX_TRIES;
-        self.divide(h, MAX_HALVINGS, control, r);
+        let jumps = r.jumps.len();
+        self.pass(h, control, r);
         if r.outcome == Outcome::Solved {
             r.steps += 1;
             self.t = t + h;
@@ -252,6 +286,7 @@ impl Simulator {
             self.last.clear();
             r.trajectory.elements.truncate(elements);
             r.trajectory.switches.truncate(switches);
+            r.jumps.truncate(jumps);
         }
         r.stats.time_total += clock.elapsed().as_secs_f64();
     }

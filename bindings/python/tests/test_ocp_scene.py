@@ -264,17 +264,34 @@ def test_a_valve_is_opened_though_nothing_moves_under_small_forces():
     assert r.success and r.cost < 7.33 and r.accuracy.terminal < 1e-6
 
 
-def test_grids_of_scenes_are_not_adapted_and_it_is_said():
-    with pytest.raises(swb.UnsupportedError, match="adapt_tol"):
-        puck(adapt_tol=1e-5).solve()
+def test_an_adapted_grid_of_a_scene_is_as_fine_as_asked_for():
+    first = puck().solve()
+    ocp = puck(adapt_tol=1e-5)
+    ocp.set_control_guess(first.controls)
+    r = ocp.solve()
+    assert r.success and r.adaptation.reached and r.accuracy.worst <= 1e-5
+    assert r.cost <= first.cost * (1 + 1e-4)
 
 
-def test_orders_of_contacts_are_not_given_and_it_is_said():
-    m = swb.Model(states="x", controls="u")
-    m.derivatives = [m.u[0] - m.x[0]]
-    smooth = swb.Ocp(m, 1.0, 4, lagrange=m.function(m.u[0] ** 2), initial_state=[1.0])
-    smooth.solve()
+def test_a_given_order_of_contacts_is_kept():
+    first = puck()
+    r = first.solve()
     ocp = puck()
-    ocp.set_modes(smooth.modes)
-    with pytest.raises(swb.UnsupportedError, match="order of contacts"):
-        ocp.solve()
+    ocp.set_modes(first.modes)
+    ocp.set_control_guess(r.controls)
+    again = ocp.solve()
+    assert again.success and again.cost <= r.cost * (1 + 1e-4)
+    assert np.array_equal(ocp.modes.modes, first.modes.modes)
+
+
+def test_multipliers_with_contacts_are_derivatives():
+    ocp = puck()
+    r = ocp.solve()
+    m = ocp.multipliers()
+    costs = []
+    for by in (1e-4, -1e-4):
+        other = puck()
+        other.set_initial_state(np.asarray(r.trajectory.states[0]) + by * np.eye(r.trajectory.states.shape[1])[0])
+        other.set_control_guess(r.controls)
+        costs.append(other.solve().cost)
+    assert m.costates[0][0] == pytest.approx((costs[0] - costs[1]) / 2e-4, rel=1e-2, abs=1e-3)

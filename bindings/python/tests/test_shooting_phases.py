@@ -182,3 +182,42 @@ def test_modes_that_cannot_be_say_so():
     other.set_modes(swb.Modes(np.array([0.0]), np.ones((1, 7), dtype=int), np.zeros((1, 0), dtype=int)))
     with pytest.raises(swb.DimensionError, match="7 modes"):
         other.solve()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_choices_in_two_phases_are_those_of_an_enumeration(seed):
+    rng = np.random.default_rng(seed)
+    a, price, target = rng.uniform(0.5, 1.5), rng.uniform(0.05, 0.4), rng.uniform(0.5, 1.0)
+
+    def part(n, x0=None):
+        m = swb.Model(states="level", controls="on")
+        m.derivatives = [-a * m.level + 2.0 * m.on]
+        m.choice("on", [0, 1])
+        ocp = swb.Ocp(m, 0.4 * n, n, control_bounds=([0.0], [1.0]))
+        if x0 is not None:
+            ocp.set_initial_state(x0)
+        ocp.set_lagrange((m.level - target) ** 2 + price * m.on)
+        return ocp
+
+    both = swb.MultiPhase([part(2, [0.2]), part(3)])
+    both.link_reset(0, lambda x: [0.7 * x[0]])
+    r = both.solve()
+    assert r.success
+
+    def cost(on):
+        x, total = 0.2, 0.0
+        for k, u in enumerate(on):
+            if k == 2:
+                x *= 0.7
+            rest = 2.0 * u / a
+            c, h = x - rest, 0.4
+            # the integral of (rest + c e^(-a t) - target)², in closed form
+            d = rest - target
+            total += d**2 * h + 2 * d * c * (1 - np.exp(-a * h)) / a + c**2 * (1 - np.exp(-2 * a * h)) / (2 * a) + price * u * h
+            x = rest + c * np.exp(-a * h)
+        return total
+
+    every = [[(k >> j) & 1 for j in range(5)] for k in range(32)]
+    best = min(every, key=cost)
+    np.testing.assert_allclose(r.cost, cost(best), rtol=1e-6)
+    np.testing.assert_array_equal(np.round(np.concatenate([p.controls[:, 0] for p in r.phases])), best)

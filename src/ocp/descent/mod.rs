@@ -15,7 +15,7 @@ use crate::fesd::Sizes;
 use crate::random::SplitMix64;
 use crate::stop;
 pub(super) use chain::{Chain, Motion};
-pub(super) use order::{Log, Order};
+pub(super) use order::{Log, ModeOrder};
 pub(super) use shooting::{Given, Preceding, Record, RowOf, Shooting, SAME_POINT};
 pub(super) use sqp::{look_around, minimise, restore, Lowest, Program, Values};
 
@@ -29,6 +29,13 @@ const MET: f64 = 1e-4;
 const NEARLY: f64 = 0.1;
 /// Gain, relative to the cost, that counts as none.
 const NONE: f64 = 1e-6;
+
+impl Lowest {
+    /// Does it gain nothing from an answer with this cost, which a simulation confirms?
+    pub(super) fn stays_at(&self, cost: f64) -> bool {
+        self.gain <= NONE && agree(self.before, cost)
+    }
+}
 
 /// A descent from an answer.
 pub(super) struct Descent {
@@ -64,7 +71,12 @@ impl Ocp {
     /// nothing to vary.
     pub(super) fn descend(&self, best: &Ocp, known: &Sizes, controls: &[f64]) -> Result<Option<Descent>> {
         let (Some(b), Some(r)) = (best.built.as_ref(), best.result.as_ref()) else { return Ok(None) };
-        let Some((found, moved)) = self.lowest_from(b, r, (controls, &r.control_ends), known)? else { return Ok(None) };
+        let mut shooting = Shooting::beside(self, b, r, known)?;
+        let start = shooting.place(b, (controls, &r.control_ends));
+        let Some(found) = lowest(&mut shooting, start, true)?.filter(|found| found.violation <= MET) else {
+            return Ok(None);
+        };
+        let moved = told(&shooting, &found, r);
         let mut still = None;
         if found.gain <= NONE {
             // a cost that simulations do not confirm is certified by nothing
@@ -80,23 +92,25 @@ impl Ocp {
         Ok(Some(Descent { moved, before: found.before, cost: found.cost, evaluations: found.evaluations, still }))
     }
 
-    /// The end of a descent from an answer with these controls and their ends, and the answer with what it ends at; `None` where nothing is
-    /// simulated, there is nothing to vary, or the constraints are not met.
+    /// The end of a descent from an answer, and the answer with what it ends at; `None` where nothing is simulated, there is nothing to vary, or the
+    /// constraints are not met. Where the descent does not say whether a direction leads down, its end is looked around.
     pub(super) fn lowest_from(
         &self,
         b: &Built,
         r: &OcpResult,
-        controls: (&[f64], &[f64]),
         known: &Sizes,
     ) -> Result<Option<(Lowest, Box<OcpResult>)>> {
         let mut shooting = Shooting::beside(self, b, r, known)?;
-        let start = shooting.place(b, controls);
-        let Some(found) = lowest(&mut shooting, start, true)?.filter(|found| found.violation <= MET) else {
-            return Ok(None);
-        };
-        let mut moved = Box::new(r.clone());
-        shooting.tell(&found.z, &mut moved);
-        Ok(Some((found, moved)))
+        let start = shooting.place(b, (&r.controls, &r.control_ends));
+        looked_at(&mut shooting, start, r, false)
+    }
+
+    /// The same of an answer that belongs to no discretised program; its end is looked around always, and has the multipliers of that.
+    pub(super) fn lowest_of_simulated(&self, r: &OcpResult) -> Result<Option<(Lowest, Box<OcpResult>)>> {
+        let base = self.base(Some(r))?;
+        let mut shooting = base.judging(self)?;
+        let start = shooting.place_fresh((&r.controls, &r.control_ends));
+        looked_at(&mut shooting, start, r, true)
     }
 
     /// The first of these controls and their ends with which a simulation costs less than with those of the answer, and meets the constraints as
@@ -220,11 +234,33 @@ fn lowest(shooting: &mut Shooting, mut z: Vec<f64>, restore: bool) -> Result<Opt
     }
 }
 
+/// An answer with the variables of another point.
+fn told(shooting: &Shooting, found: &Lowest, r: &OcpResult) -> Box<OcpResult> {
+    let mut moved = Box::new(r.clone());
+    shooting.tell(&found.z, &mut moved);
+    moved
+}
+
+/// The end of a descent that meets the constraints, looked around where it is not stationary or `always`, and the answer `r` with what it ends at.
+fn looked_at(
+    shooting: &mut Shooting,
+    start: Vec<f64>,
+    r: &OcpResult,
+    always: bool,
+) -> Result<Option<(Lowest, Box<OcpResult>)>> {
+    let Some(mut found) = lowest(shooting, start, true)?.filter(|found| found.violation <= MET) else {
+        return Ok(None);
+    };
+    if always || !found.stationary {
+        let cost = found.cost;
+        look_around(shooting, &mut found)?;
+        found.gain += (cost - found.cost) / found.unit;
+    }
+    let moved = told(shooting, &found, r);
+    Ok(Some((found, moved)))
+}
+
 /// The end of a descent as an answer, where it nearly meets the constraints.
 fn shot(shooting: &Shooting, found: &Lowest, from: &OcpResult) -> Option<Shot> {
-    (found.violation <= NEARLY).then(|| {
-        let mut moved = Box::new(from.clone());
-        shooting.tell(&found.z, &mut moved);
-        Shot { moved, cost: found.cost }
-    })
+    (found.violation <= NEARLY).then(|| Shot { moved: told(shooting, found, from), cost: found.cost })
 }

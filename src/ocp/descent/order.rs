@@ -6,7 +6,7 @@ use crate::system::System;
 
 /// The modes of every phase of a motion, and the transitions in the order they are made.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(in crate::ocp) struct Order {
+pub(in crate::ocp) struct ModeOrder {
     /// Start of every phase from the start of the horizon, and the modes that are active in it, in the order of [`System::mode_counts`].
     pub phases: Vec<(f64, Vec<bool>)>,
     pub transitions: Vec<usize>,
@@ -29,11 +29,12 @@ impl<'a> Log<'a> {
     }
 }
 
-impl Order {
+impl ModeOrder {
     /// What a user gives.
-    pub fn given(m: &ModeSequence) -> Order {
+    pub fn given(m: &ModeSequence) -> ModeOrder {
         let n = m.modes.len() / m.times.len().max(1);
-        let mut order = Order { phases: Vec::new(), transitions: m.transitions.iter().map(|t| t.transition).collect() };
+        let mut order =
+            ModeOrder { phases: Vec::new(), transitions: m.transitions.iter().map(|t| t.transition).collect() };
         m.times.iter().enumerate().for_each(|(k, t)| order.push(*t, &m.modes[k * n..(k + 1) * n]));
         order
     }
@@ -45,7 +46,13 @@ impl Order {
     }
 
     /// That of a simulation from `t0` to `end`, whose active modes at the end `last` says for every subsystem that switches. Events within `same` are one.
-    pub fn of(log: &Log, system: &System, last: &dyn Fn(usize) -> Vec<usize>, [t0, end]: [f64; 2], same: f64) -> Order {
+    pub fn of(
+        log: &Log,
+        system: &System,
+        last: &dyn Fn(usize) -> Vec<usize>,
+        [t0, end]: [f64; 2],
+        same: f64,
+    ) -> ModeOrder {
         let counts = system.mode_counts();
         let firsts: Vec<usize> = counts.iter().scan(0, |sum, n| Some(std::mem::replace(sum, *sum + n))).collect();
         let n_contacts = log.contacts.first().map_or(0, |p| p.modes.len());
@@ -60,7 +67,7 @@ impl Order {
             let first = log.switches.iter().find(|s| s.subsystem == k);
             set(&mut modes, k, &first.map_or_else(|| last(k), |s| s.before.clone()));
         }
-        let mut order = Order { phases: Vec::new(), transitions: log.jumps.iter().map(|j| j.transition).collect() };
+        let mut order = ModeOrder { phases: Vec::new(), transitions: log.jumps.iter().map(|j| j.transition).collect() };
         let (mut switches, mut phases) = (log.switches.iter().peekable(), log.contacts.iter().peekable());
         let mut from = t0;
         loop {
@@ -90,9 +97,9 @@ impl Order {
     }
 
     /// Do modes and transitions follow each other in the same order? Modes that were not given say nothing.
-    pub fn is_like(&self, given: &Order) -> bool {
+    pub fn is_like(&self, given: &ModeOrder) -> bool {
         let says = given.phases.iter().any(|p| !p.1.is_empty());
-        let modes = |o: &Order| o.phases.iter().map(|p| p.1.clone()).collect::<Vec<_>>();
+        let modes = |o: &ModeOrder| o.phases.iter().map(|p| p.1.clone()).collect::<Vec<_>>();
         self.transitions == given.transitions && (!says || modes(self) == modes(given))
     }
 }

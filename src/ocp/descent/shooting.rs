@@ -1,7 +1,7 @@
 //! An optimal control problem in its controls, free lengths, parameters and initial states alone: states, cost, constraints and
 //! all derivatives come from an event-driven simulation (direct single shooting; derivatives through switches by (6.25)).
 
-use super::order::{Log, Order};
+use super::order::{Log, ModeOrder};
 use super::sqp::{Program, Values};
 use crate::error::Result;
 use crate::event::{self, Engine};
@@ -58,6 +58,8 @@ pub(in crate::ocp) struct Given<'a> {
     pub cuts: Vec<Vec<f64>>,
     /// Do modes go on from a stage to the next, or are they those of the state there?
     pub goes_on: bool,
+    /// The order of modes and transitions that a motion has to have.
+    pub order: Option<ModeOrder>,
     /// What comes before it.
     pub before: Preceding,
 }
@@ -82,7 +84,7 @@ pub(in crate::ocp) struct Shooting<'a> {
     timed: bool,
     goes_on: bool,
     /// The order of modes and transitions that a motion has to have.
-    order: Option<Order>,
+    order: Option<ModeOrder>,
     /// Derivatives by states and parameters on the way, while they are taken down.
     records: Option<Vec<Record>>,
     /// Steps of simulations so far.
@@ -180,7 +182,8 @@ impl<'a> Shooting<'a> {
         let (durations, cost) = (&r.durations[..], r.cost_reached);
         // modes are those of the state, where nothing has a memory that it does not tell
         let (goes_on, before) = (ocp.is_simulated(), Preceding::default());
-        Shooting::new(ocp, &b.extended, Given { durations, x0: &x0, cost, usual, cuts, goes_on, before })
+        let given = Given { durations, x0: &x0, cost, usual, cuts, goes_on, order: None, before };
+        Shooting::new(ocp, &b.extended, given)
     }
 
     /// Of a problem that nothing has solved yet, `e` with the parameters of every stage.
@@ -197,7 +200,7 @@ impl<'a> Shooting<'a> {
             plain: None,
             timed: e.system.depends_on_time(),
             goes_on: given.goes_on,
-            order: ocp.modes.as_ref().filter(|_| given.goes_on).map(Order::given),
+            order: given.order,
             records: None,
             steps: 0,
             cost: given.cost,
@@ -806,9 +809,9 @@ impl<'a> Shooting<'a> {
     }
 
     /// Modes and transitions of the last simulation.
-    fn order_of_motion(&self, t0: f64, end: f64) -> Order {
+    fn order_of_motion(&self, t0: f64, end: f64) -> ModeOrder {
         let active = |k: usize| self.engine.active(k);
-        Order::of(&Log::of_engine(&self.engine), &self.ocp.system, &active, [t0, end], self.ocp.same_time())
+        ModeOrder::of(&Log::of_engine(&self.engine), &self.ocp.system, &active, [t0, end], self.ocp.same_time())
     }
 
     fn add_rows(&mut self, f: &SharedFunction, here: &Here, out: &mut Values) {

@@ -13,6 +13,7 @@ mod bound;
 mod convex;
 mod enumerate;
 mod levels;
+mod phases;
 mod space;
 
 use std::time::Instant;

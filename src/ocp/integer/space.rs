@@ -38,6 +38,18 @@ impl Motion {
         Motion { controls: r.controls.clone(), states: rises.then_some((times, states)) }
     }
 
+    /// Controls of which no motion is known.
+    pub fn with_controls(controls: Vec<f64>) -> Motion {
+        Motion { controls, states: None }
+    }
+
+    /// The same with the choices of a sequence.
+    pub fn with_choices(&self, levels: &Levels, sequence: &[u16]) -> Motion {
+        let mut controls = self.controls.clone();
+        levels.write(sequence, &mut controls);
+        Motion { controls, states: self.states.clone() }
+    }
+
     /// Makes a problem begin there, as far as its choices allow.
     pub fn begin(&self, ocp: &mut Ocp) {
         ocp.x_guess.clone_from(&self.states);

@@ -494,8 +494,11 @@ impl Ocp {
         if !r.has_exact_modes() {
             return Ok(Optimality::unknown("the modes of the answer are not exact"));
         }
-        if self.projected.is_some() {
-            return self.judge_by_descent(r, b);
+        // costates follow switches between smooth parts alone
+        let s = &b.extended.system;
+        let only_simulated = self.projected.is_some() || s.n_algebraic() > 0 || !s.inclusions().is_empty();
+        if only_simulated && b.extended.complementarity.is_empty() {
+            return self.judge_by_descent(r, Some(b));
         }
         let found = self.judge_with(r, b, Multipliers::OfAnswer)?;
         // the program's multipliers may not be the only ones: before an answer is called none, others are looked for
@@ -508,10 +511,8 @@ impl Ocp {
     /// The same, with the multipliers of constraints along the path that the answer has, or with any that belong to its point.
     fn judge_with(&self, r: &OcpResult, b: &mut Built, which: Multipliers) -> Result<Optimality> {
         let e = &b.extended;
-        if e.system.n_algebraic() > 0 || !e.system.inclusions().is_empty() || !e.complementarity.is_empty() {
-            return Ok(Optimality::unknown(
-                "the derivatives that judge an answer do not go through algebraic equations, inclusions and complementarities",
-            ));
+        if !e.complementarity.is_empty() {
+            return Ok(Optimality::unknown("the derivatives that judge an answer do not go through complementarities"));
         }
         let d = e.system.dims();
         let solution = b.solver.solution();

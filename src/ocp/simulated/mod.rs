@@ -18,7 +18,7 @@ use self::answer::{End, Own};
 use self::space::{descend, Simulations, MET};
 use super::accuracy::Accuracy;
 use super::between::Between;
-use super::descent::{look_around, restore, Chain, Given, Lowest, Preceding, Shooting, SAME_POINT};
+use super::descent::{look_around, restore, Chain, Given, Lowest, ModeOrder, Preceding, Shooting, SAME_POINT};
 use super::extend::Extended;
 use super::joint::Link;
 use super::optimality::{Optimality, Verdict};
@@ -54,16 +54,22 @@ pub(super) struct Base {
 }
 
 impl Base {
-    fn given(&self, goes_on: bool, cuts: &[Vec<f64>]) -> (&Extended, Given<'_>) {
-        let Base { extended, usual, durations, x0, cost } = self;
-        let (cuts, before) = (cuts.to_vec(), Preceding::default());
-        (extended, Given { durations, x0, cost: *cost, usual, cuts, goes_on, before })
+    /// What descents are given that keep the modes of `ocp` where it has some.
+    fn given(&self, ocp: &Ocp, cuts: &[Vec<f64>]) -> Given<'_> {
+        let Base { usual, durations, x0, cost, .. } = self;
+        let (cuts, before, order) = (cuts.to_vec(), Preceding::default(), ocp.modes.as_ref().map(ModeOrder::given));
+        Given { durations, x0, cost: *cost, usual, cuts, goes_on: true, order, before }
     }
 
     /// The problem in the variables of descents.
     fn shooting<'a>(&'a self, ocp: &'a Ocp, cuts: &[Vec<f64>]) -> Result<Shooting<'a>> {
-        let (extended, given) = self.given(true, cuts);
-        Shooting::new(ocp, extended, given)
+        Shooting::new(ocp, &self.extended, self.given(ocp, cuts))
+    }
+
+    /// The same among all orders of modes, for what is to be judged.
+    pub(super) fn judging<'a>(&'a self, ocp: &'a Ocp) -> Result<Shooting<'a>> {
+        let cuts = Shooting::cuts(ocp, &self.extended, vec![Vec::new(); ocp.n_stages]);
+        Shooting::new(ocp, &self.extended, Given { order: None, ..self.given(ocp, &cuts) })
     }
 }
 
@@ -127,7 +133,42 @@ impl Ocp {
     /// Is it solved by shooting?
     pub(super) fn is_simulated(&self) -> bool {
         let scene = self.system.mechanics().is_some_and(|m| m.order == Order::Second);
-        self.simulated.only || scene && self.linear.contains(&true)
+        // orders of contacts are searched with constant controls on a grid that stays
+        let searched = !self.linear.contains(&true) && self.modes.is_none() && self.settings.adapt_tol <= 0.0;
+        // orders that elements have say which cells are active
+        let of_motion = !self.has_search() && self.modes.as_ref().is_some_and(|m| m.cells.is_empty());
+        self.simulated.only || scene && !searched || of_motion
+    }
+
+    /// Does a search over modes go on from its answers?
+    pub(super) fn has_search(&self) -> bool {
+        let s = &self.system;
+        self.projected.is_some() || s.n_algebraic() == 0 && s.inclusions().is_empty()
+    }
+
+    /// Is the last answer the end of a descent on simulations, or known as one?
+    pub(super) fn is_answered_by_simulation(&self) -> bool {
+        self.is_simulated() || self.simulated.last.is_some()
+    }
+
+    /// Makes the answer of another program known as the end of a descent that gains nothing, for its multipliers.
+    pub(super) fn simulate_answer(&mut self) -> Result<()> {
+        if self.simulated.last.is_some() {
+            return Ok(());
+        }
+        let Some(r) = self.result.as_ref().filter(|r| r.is_exact()) else {
+            return Err(Error::State("there is no exact solution to have multipliers: solve the problem first".into()));
+        };
+        let base = self.base(Some(r))?;
+        let cuts = Shooting::cuts(self, &base.extended, vec![Vec::new(); self.n_stages]);
+        let Some(lowest) = self.lowest_of_simulated(r)?.map(|f| f.0).filter(|f| f.stays_at(r.priced)) else {
+            return Err(Error::State(
+                "multipliers are not known of this answer: no descent on simulations that begins there stays there"
+                    .into(),
+            ));
+        };
+        self.simulated.last = Some(Box::new(Last { base, cuts, lowest }));
+        Ok(())
     }
 
     pub(super) fn check_simulated(&self) -> Result<()> {
@@ -287,8 +328,8 @@ impl Task<'_> {
     fn chain<'a>(&'a self, (bases, cuts): &'a Parts) -> Result<Chain<'a>> {
         let all = self.ocps.iter().zip(bases.iter().zip(cuts));
         let given = all.map(|(ocp, (base, cuts))| {
-            let (extended, given) = base.given(true, cuts);
-            (&**ocp, extended, given)
+            let ocp: &Ocp = ocp;
+            (ocp, &base.extended, base.given(ocp, cuts))
         });
         Chain::new(given.collect(), self.links)
     }

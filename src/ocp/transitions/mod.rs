@@ -147,7 +147,8 @@ impl Ocp {
             }
         }
         if result.is_exact() {
-            result.optimality = Some(self.certify_transitions(&result, &automaton, settled));
+            let known = self.certify_transitions(&result, &automaton, settled);
+            result.optimality = Some(self.or_by_descent(known, &result));
         }
         result.stats.time_total = clock.elapsed().as_secs_f64();
         if result.has_exact_modes() {

@@ -8,7 +8,7 @@ use super::guess::{self, Guess};
 use super::program::{Program, Solved};
 use crate::error::{Error, Result};
 use crate::event::Engine;
-use crate::fesd::{Sizes, Terminal};
+use crate::fesd::{Durations, Sizes, Terminal};
 use crate::func::Point;
 use crate::jumps::spread::misses;
 use crate::nlp::{Control, Outcome};
@@ -47,6 +47,8 @@ pub(super) struct Transitions<'a> {
     last: Option<&'a OcpResult>,
     /// What it begins with, where that is given.
     pub first: Option<Candidate>,
+    /// Transitions that are made at times which nothing changes.
+    timed: Vec<bool>,
     /// Controls that are simulated without a search, and how many were.
     controls: Vec<Vec<f64>>,
     simulated: usize,
@@ -57,6 +59,11 @@ pub(super) struct Transitions<'a> {
 impl<'a> Transitions<'a> {
     pub fn new(ocp: &'a Ocp, last: Option<&'a OcpResult>, request: &Request) -> Result<Transitions<'a>> {
         let seed = ocp.settings.search_seed as u64;
+        let timed = match ocp.time {
+            Durations::Fixed => ocp.system.timed_transitions(&ocp.free_params()),
+            // stages end earlier or later
+            _ => vec![false; ocp.system.transitions().len()],
+        };
         Ok(Transitions {
             automaton: Automaton::new(&ocp.system, &ocp.x0_bounds[0], &ocp.x_bounds),
             sizes: ocp.sizes()?,
@@ -68,6 +75,7 @@ impl<'a> Transitions<'a> {
             largest: 0.0,
             last,
             first: None,
+            timed,
             ocp,
         })
     }
@@ -218,6 +226,12 @@ impl Space for Transitions<'_> {
         let near = s.result.is_exact().then(|| guess::distances(&s.result, self.ocp, &self.automaton));
         let near = |t: usize, k: usize| near.as_ref().is_none_or(|n: &Vec<Vec<f64>>| n[t][k] <= NEAR);
         let mut next = self.automaton.neighbours(&s.sequence, self.ocp.n_stages, &near);
+        // what is made at known times is made then in every sequence
+        let clocks = |s: &Sequence| -> Vec<(usize, usize)> {
+            s.iter().filter(|p| self.timed[p.transition]).map(|p| (p.transition, p.stage)).collect()
+        };
+        let own = clocks(&s.sequence);
+        next.retain(|n| clocks(n) == own);
         next.sort_by(|a, b| distance(&s.sequence, &motion, a).total_cmp(&distance(&s.sequence, &motion, b)));
         let kind = |n: &Sequence| 1 + n.len().abs_diff(s.sequence.len());
         let of = |sequence: Sequence| Neighbour { promise: 0.0, kind: kind(&sequence), is_local: true, sequence };
