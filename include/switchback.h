@@ -1808,7 +1808,7 @@ enum swb_nmpc_source
      */
     SWB_NMPC_SOURCE_SOFT_QP = 1,
     /**
-     * The affine law or an unfinished quadratic program, cut off at the bounds of the controls.
+     * The affine law, an unfinished quadratic program or the plan, cut off at the bounds of the controls: what costs least.
      */
     SWB_NMPC_SOURCE_TANGENT = 2,
     /**
@@ -1845,7 +1845,7 @@ enum swb_nmpc_qp_status
      */
     SWB_NMPC_QP_STATUS_INFEASIBLE = 1,
     /**
-     * The deadline came first.
+     * The deadline or the bound on changes came first.
      */
     SWB_NMPC_QP_STATUS_OUT_OF_TIME = 2,
     /**
@@ -3743,6 +3743,11 @@ typedef struct swb_nmpc_options {
      * Systems that switch: an alternative is taken where its predicted cost is lower than that of the plan by more than this share.
      */
     double hysteresis;
+    /**
+     * Changes of the active set in swb_nmpc_feedback at most (SWB_NMPC_QP_STAGEWISE: Newton steps), 0 for as many as it needs. What is left of
+     * them is made in the next preparation.
+     */
+    int64_t max_changes;
 } swb_nmpc_options;
 
 /**

@@ -12,6 +12,7 @@ use switchback::expr::Graph;
 use switchback::func::Dims;
 use switchback::nmpc::*;
 use switchback::ocp::{CostAt, Ocp};
+use switchback::qp::QpStatus;
 use switchback::settings::Settings;
 use switchback::system::{SharedFunction, System};
 use switchback::tableau::Family;
@@ -306,6 +307,36 @@ fn infeasible_programs_are_softened() {
         }
         assert_eq!(sources[0], Source::Qp);
         assert_eq!(sources[2], Source::SoftQp);
+    }
+}
+
+/// A bound on changes is kept where rows contradict each other; the plan then is finished in the preparation, with the control that was given, and the next
+/// sample, at the state that was predicted, has next to nothing to do.
+#[test]
+fn feedback_of_bounded_work_is_finished_later() {
+    let mut case = pendulum();
+    case.ocp.set_x_guess(&[0.0], &[0.0; 4]).unwrap();
+    case.ocp.set_x_bounds(&[-0.2, -10.0, -50.0, -50.0], &[0.2, 10.0, 50.0, 50.0]).unwrap();
+    for (qp, max_changes) in [(QpMethod::Condensing, 4), (QpMethod::Stagewise, 2)] {
+        let options = Options { qp, max_changes, shift: true, ..scheme(Scheme::Rti, Level::D0, 0) };
+        let mut c = Nmpc::new(&case.ocp, &options).unwrap();
+        let mut u = [0.0];
+        for x in [[5.0, 0.0, 0.0, 0.0], [-1.0, 0.2, -3.0, 0.0]] {
+            c.reset();
+            c.prepare(None).unwrap();
+            let info = c.feedback(&x, &mut u).unwrap();
+            assert_eq!((info.source, info.status), (Source::Tangent, QpStatus::OutOfTime), "{qp:?}");
+            // the program with prices is looked at once at least
+            assert!(info.iterations <= max_changes + 1, "{qp:?}: {info:?}");
+            let plan = c.plan();
+            assert_eq!(plan.u()[0], u[0], "{qp:?}");
+            let next = plan.x()[4..8].to_vec();
+            assert!(plan.x()[..4].iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-12));
+            c.prepare(None).unwrap();
+            let info = c.feedback(&next, &mut u).unwrap();
+            assert_eq!((info.source, info.status), (Source::SoftQp, QpStatus::Infeasible), "{qp:?}");
+            assert!(info.iterations <= 2, "{qp:?}: {info:?}");
+        }
     }
 }
 

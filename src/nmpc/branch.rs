@@ -7,10 +7,14 @@
 //!
 //! States are simulated from the predicted one on under the controls of a plan, so that every point is a solution of the dynamics with
 //! the switches it has, and costs of plans can be compared.
+//!
+//! Where controls choose among values the alternatives are other [sequences](super::choices) of them.
 
+use super::choices::Choosing;
 use super::iterate::{Iterate, Step};
 use super::linearise::{Linearisation, Model};
 use crate::func::{EvalError, EvalResult};
+use crate::ocp::Sequence;
 use crate::qp::{QpSolution, QpSolver, QpStatus, StageQp, Terms};
 
 type Evaluated<T> = std::result::Result<T, EvalError>;
@@ -69,6 +73,8 @@ pub(super) struct Branches {
     step: Step,
     break_away: Vec<Option<[f64; 2]>>,
     flips: Vec<Flip>,
+    /// The choices of the controls, if there are any.
+    pub choices: Option<Choosing>,
 }
 
 /// What the choice among the programs was.
@@ -105,6 +111,7 @@ impl Branches {
             step: Step { of: 0, solution: QpSolution::new(qp) },
             break_away: vec![None; qp.n * qp.nu],
             flips: Vec::with_capacity(most),
+            choices: None,
         })
     }
 
@@ -132,6 +139,9 @@ impl Branches {
         plan: &mut Iterate,
         effort: Effort,
     ) -> Evaluated<usize> {
+        if self.choices.is_some() {
+            return self.prepare_choices(model, lin, plan, effort);
+        }
         self.used = 0;
         self.base.copy_from(plan);
         let mut search = Search { model, trial: &mut self.trial, step: &mut self.step, x0: &self.x0, effort };
@@ -149,18 +159,98 @@ impl Branches {
             b.at.copy_from(&self.base);
             let nu = search.model.nodes.nu;
             (flip.first..flip.end).for_each(|k| b.at.u[k * nu + flip.j] = flip.value);
-            let found = search.start(&mut b.lin, &mut b.at);
-            let found = found.and_then(|cost| search.improve(&mut b.lin, &mut b.at, cost));
-            match found.and_then(|(cost, _)| search.probe(&mut b.lin, cost).map(|offset| (cost, offset))) {
-                Ok((cost, offset)) if b.lin.is_ready() => {
-                    (b.cost, b.offset) = (cost, offset);
-                    self.used += 1;
-                }
-                Ok(_) | Err(EvalError::Recoverable) => {}
-                Err(e) => return Err(e),
-            }
+            self.used += usize::from(search.prepare(b)?);
         }
         Ok(done)
+    }
+
+    /// The same where controls choose: the cheapest sequence is the plan, those that come next are the alternatives. What was not compared with all
+    /// others is compared with those next to it, as often as there are iterations.
+    fn prepare_choices(
+        &mut self,
+        model: &mut Model,
+        lin: &mut Linearisation,
+        plan: &mut Iterate,
+        effort: Effort,
+    ) -> Evaluated<usize> {
+        let mut least = f64::INFINITY;
+        loop {
+            let (done, knows_all) = self.compare_sequences(model, lin, plan, effort)?;
+            self.take_cheapest(lin, plan);
+            let settled = knows_all || self.cost.is_nan() || self.cost >= least - BETTER * least.abs();
+            if settled || effort.inner <= 1 {
+                return Ok(done);
+            }
+            least = self.cost;
+        }
+    }
+
+    /// Sequences from the plan's on, each with its program; whether all there are were compared.
+    fn compare_sequences(
+        &mut self,
+        model: &mut Model,
+        lin: &mut Linearisation,
+        plan: &mut Iterate,
+        effort: Effort,
+    ) -> Evaluated<(usize, bool)> {
+        self.used = 0;
+        plan.x[..self.x0.len()].copy_from_slice(&self.x0);
+        let Some(choices) = self.choices.take() else { return Err(EvalError::Recoverable) };
+        let knows_all = choices.knows_all();
+        let plans = self.list_sequences(&choices, model, plan, effort);
+        self.choices = Some(choices);
+        let mut plans = plans?.into_iter();
+        let Some(first) = plans.next() else { return Err(EvalError::Recoverable) };
+        plan.u.copy_from_slice(&first);
+        self.base.copy_from(plan);
+        let mut search = Search { model, trial: &mut self.trial, step: &mut self.step, x0: &self.x0, effort };
+        let cost = search.start(lin, plan)?;
+        let (cost, done) = search.improve(lin, plan, cost)?;
+        self.cost = cost;
+        self.offset = search.probe(lin, cost)?;
+        for u in plans {
+            let b = &mut self.others[self.used];
+            b.at.copy_from(&self.base);
+            b.at.u.copy_from_slice(&u);
+            self.used += usize::from(search.prepare(b)?);
+        }
+        Ok((done, knows_all))
+    }
+
+    /// Controls of plans that are worth a program: that of the plan first, or where all sequences are known the cheapest.
+    fn list_sequences(
+        &mut self,
+        choices: &Choosing,
+        model: &mut Model,
+        plan: &mut Iterate,
+        effort: Effort,
+    ) -> Evaluated<Vec<Vec<f64>>> {
+        let own = choices.keep(&mut plan.u);
+        let most = self.others.len() + 1;
+        let Branches { others, trial, step, base, x0, .. } = self;
+        base.copy_from(plan);
+        let mut room = if choices.is_alone() { None } else { others.last_mut() };
+        let steps = Effort { inner: effort.inner.max(1), ..effort };
+        let mut cost = |model: &mut Model, at: &Iterate| {
+            let Some(b) = &mut room else { return merit(model, at, effort.price) };
+            b.at.copy_from(at);
+            let mut search = Search { model, trial, step, x0, effort: steps };
+            let cost = search.start(&mut b.lin, &mut b.at)?;
+            Ok(search.improve(&mut b.lin, &mut b.at, cost)?.0)
+        };
+        let mut found = choices.candidates(model, base, most, &mut cost)?;
+        if !choices.knows_all() {
+            // it was improved before, and is improved further
+            found.retain(|s| *s != own);
+            found.insert(0, own);
+            found.truncate(most);
+        }
+        let controls = |sequence: &Sequence| {
+            let mut u = plan.u.clone();
+            choices.write(sequence, &mut u);
+            u
+        };
+        Ok(found.iter().map(controls).collect())
     }
 
     /// Brings references `y` of term `k` into the programs of all alternatives, and into the costs of all plans; that of the plan
@@ -206,7 +296,7 @@ impl Branches {
         }
         let mut best: Option<(usize, f64)> = None;
         for (i, b) in self.others[..self.used].iter_mut().enumerate() {
-            if terms.over() {
+            if terms.over(0) {
                 break;
             }
             let status = b.lin.solve(x, &Terms { deadline: terms.deadline, ..Terms::default() });
@@ -295,6 +385,20 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// Simulates, improves and linearises an alternative; false where there is none.
+    fn prepare(&mut self, b: &mut Branch) -> Evaluated<bool> {
+        let found = self.start(&mut b.lin, &mut b.at);
+        let found = found.and_then(|cost| self.improve(&mut b.lin, &mut b.at, cost));
+        match found.and_then(|(cost, _)| self.probe(&mut b.lin, cost).map(|offset| (cost, offset))) {
+            Ok((cost, offset)) if b.lin.is_ready() => {
+                (b.cost, b.offset) = (cost, offset);
+                Ok(true)
+            }
+            Ok(_) | Err(EvalError::Recoverable) => Ok(false),
+            Err(e) => Err(e),
+        }
+    }
+
     /// Simulates a plan and linearises there; its cost.
     fn start(&mut self, lin: &mut Linearisation, at: &mut Iterate) -> Evaluated<f64> {
         at.x[..self.x0.len()].copy_from_slice(self.x0);
@@ -389,6 +493,7 @@ impl Search<'_> {
 /// Cost of a simulated plan with the prices of its violations.
 fn merit(model: &mut Model, at: &Iterate, price: f64) -> Evaluated<f64> {
     let Model { nodes, costs, constraints, .. } = model;
+    nodes.solve(&at.x, &at.u)?;
     let cost = costs.value(nodes, &at.x, &at.u)?;
     let done: EvalResult = constraints.values(nodes, &at.x, &at.u);
     done?;

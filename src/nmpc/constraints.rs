@@ -138,6 +138,7 @@ impl Constraints {
     pub fn write_bounds(&self, qp: &mut StageQp) {
         for (i, s) in self.sources.iter().enumerate() {
             (qp.row_lower[i], qp.row_upper[i]) = (s.lower - self.values[i], s.upper - self.values[i]);
+            qp.row_base[i] = self.values[i].abs();
         }
     }
 
@@ -160,6 +161,7 @@ impl Constraints {
             if s.group.is_none() && s.out < nx {
                 let value = x[r.node * nx + s.out];
                 (qp.row_lower[i], qp.row_upper[i]) = (s.lower - value, s.upper - value);
+                qp.row_base[i] = value.abs();
             }
         }
     }

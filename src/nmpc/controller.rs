@@ -3,6 +3,7 @@
 mod changes;
 
 use super::branch::{Branches, Effort};
+use super::choices::Choosing;
 use super::evaluate::has_value;
 use super::iterate::{Iterate, Step};
 use super::linearise::{Linearisation, Model};
@@ -65,11 +66,21 @@ pub struct Feedback {
     pub time: f64,
 }
 
+/// What a solution of a program may take: nothing here is as much as it needs.
+#[derive(Clone, Copy, Default)]
+struct Within {
+    deadline: Option<Instant>,
+    /// Changes of the active set.
+    most: Option<usize>,
+}
+
 /// What was found at the last sample and is not yet part of the iterate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Pending {
     Nothing,
     Solved,
+    /// The program is still to be solved to its end, with the control that was given.
+    Unfinished,
     /// The iterate stays; its plan is one sample older.
     Aged,
 }
@@ -146,7 +157,9 @@ impl Nmpc {
             }
         };
         let branches = if model.switches {
-            Some(Box::new(Branches::new(&model, &qp, options.flips, solver, options.hessian())?))
+            let mut branches = Branches::new(&model, &qp, options.flips, solver, options.hessian())?;
+            branches.choices = Choosing::new(ocp)?;
+            Some(Box::new(branches))
         } else {
             None
         };
@@ -404,6 +417,9 @@ impl Nmpc {
         self.iterate.u.copy_from_slice(&self.start[1]);
         let nu = self.nu();
         self.u.copy_from_slice(&self.start[1][..nu]);
+        if let Some(choices) = self.branches.as_mut().and_then(|b| b.choices.as_mut()) {
+            choices.forget();
+        }
         self.monitor = Monitor::default();
     }
 
@@ -433,23 +449,57 @@ impl Nmpc {
     /// Every other call does it where it is needed.
     pub fn finish(&mut self) {
         let pending = std::mem::replace(&mut self.pending, Pending::Nothing);
-        match pending {
+        let solved = match pending {
             Pending::Nothing => return,
-            Pending::Aged => self.entry += 1,
-            Pending::Solved => {
-                self.lin.step(&mut self.step);
-                self.lin.advance(&self.step, 1.0, &mut self.other);
-                if self.other.x.iter().chain(&self.other.lambda).all(|v| v.is_finite()) {
-                    std::mem::swap(&mut self.iterate, &mut self.other);
-                    self.stepped = true;
-                    // the plan begins at the last sample
-                    self.entry = 1;
-                } else {
-                    self.entry += 1;
-                }
-            }
+            Pending::Aged => false,
+            Pending::Solved => true,
+            Pending::Unfinished => self.complete(),
+        };
+        if solved && self.take_step() {
+            self.stepped = true;
+            // the plan begins at the last sample
+            self.entry = 1;
+        } else {
+            self.entry += 1;
         }
         self.predict();
+    }
+
+    /// The step of the last program is the iterate; false where it is not finite.
+    fn take_step(&mut self) -> bool {
+        self.lin.step(&mut self.step);
+        self.lin.advance(&self.step, 1.0, &mut self.other);
+        let finite = self.other.x.iter().chain(&self.other.lambda).all(|v| v.is_finite());
+        if finite {
+            std::mem::swap(&mut self.iterate, &mut self.other);
+        }
+        finite
+    }
+
+    /// Solves the program that the feedback had no time for, from where it was: the plan is the best one that begins with the control that was
+    /// given. Is it solved?
+    fn complete(&mut self) -> bool {
+        let x = std::mem::take(&mut self.x);
+        self.lin.fix_first_control(&self.u);
+        let (status, violated) = self.solve_program(&x, Within::default(), &mut 0);
+        self.lin.embed_control_bounds(&self.model);
+        self.x = x;
+        has_solution(status, violated)
+    }
+
+    /// Solves the prepared program for the state that is predicted, so that the feedback begins with an active set that is nearly its own: where rows could not
+    /// be met at the last sample it is far from that of any other program.
+    fn foresee(&mut self) {
+        if !self.violating || !self.lin.is_ready() || self.entry > self.n() {
+            return;
+        }
+        let nx = self.nx();
+        let mut x = std::mem::take(&mut self.predicted);
+        if !self.has_prediction {
+            x.copy_from_slice(&self.iterate.x[self.entry * nx..(self.entry + 1) * nx]);
+        }
+        self.solve_program(&x, Within::default(), &mut 0);
+        self.predicted = x;
     }
 
     /// `x̃ = ψ(x, u)` with the first stage's data of the last sample.
@@ -522,6 +572,7 @@ impl Nmpc {
             _ => self.lin.linearise(&mut self.model, &self.iterate),
         };
         self.note(outcome)?;
+        self.foresee();
         Ok(inner)
     }
 
@@ -637,17 +688,11 @@ impl Nmpc {
     /// The quadratic program with the predicted state; its step leads from the linearisation's own point.
     fn inner_step(&mut self) -> bool {
         let x = std::mem::take(&mut self.predicted);
-        let (status, violated) = self.solve_program(&x, None, &mut 0);
+        let (status, violated) = self.solve_program(&x, Within::default(), &mut 0);
         self.predicted = x;
-        if status != QpStatus::Solved && !(violated && status == QpStatus::Infeasible) {
+        if !has_solution(status, violated) || !self.take_step() {
             return false;
         }
-        self.lin.step(&mut self.step);
-        self.lin.advance(&self.step, 1.0, &mut self.other);
-        if !self.other.x.iter().chain(&self.other.lambda).all(|v| v.is_finite()) {
-            return false;
-        }
-        std::mem::swap(&mut self.iterate, &mut self.other);
         // the plan begins at the predicted state now
         self.entry = 0;
         true
@@ -755,7 +800,8 @@ impl Nmpc {
         }
         let d = self.options.deadline;
         let limit = Duration::try_from_secs_f64(d).ok();
-        let deadline = limit.and_then(|d| start.checked_add(d));
+        let most = Some(self.options.max_changes).filter(|m| *m > 0);
+        let within = Within { deadline: limit.and_then(|d| start.checked_add(d)), most };
         if self.pending != Pending::Nothing {
             // two samples without anything in between: the plan of the first is not expanded any more
             self.entry += 1;
@@ -766,10 +812,12 @@ impl Nmpc {
         let mut status = QpStatus::Failed;
         let mut source = Source::Plan;
         if measured {
-            (status, source) = self.solve(x, u0, deadline, &mut iterations);
+            (status, source) = self.solve(x, u0, within, &mut iterations);
         }
         if matches!(source, Source::Qp | Source::SoftQp) {
             self.pending = Pending::Solved;
+        } else if status == QpStatus::OutOfTime && source == Source::Tangent && self.is_limited() {
+            self.pending = Pending::Unfinished;
         } else {
             self.pending = Pending::Aged;
         }
@@ -787,6 +835,9 @@ impl Nmpc {
         }
         self.unshifted = self.seen;
         self.u.copy_from_slice(u0);
+        if let Some(choices) = self.branches.as_mut().and_then(|b| b.choices.as_mut()) {
+            choices.pass(u0);
+        }
         self.monitor.sources[source as usize] += 1;
         let time = self.monitor.feedback.add(start.elapsed());
         Ok(Feedback { source, status, iterations, time })
@@ -817,25 +868,26 @@ impl Nmpc {
         self.seen = passed.measured;
         self.unshifted = self.seen;
         self.u.copy_from_slice(&passed.u);
+        if let Some(choices) = self.branches.as_mut().and_then(|b| b.choices.as_mut()) {
+            match passed.samples {
+                1 => choices.pass(&passed.u),
+                _ => choices.pass_unseen(&passed.u),
+            }
+        }
         self.monitor.sources.iter_mut().zip(passed.sources).for_each(|(s, p)| *s += p);
         self.monitor.feedback.merge(&passed.timing);
         passed.clear();
     }
 
     /// Quadratic program, elastic quadratic program, tangent: the first that gives finite controls.
-    fn solve(
-        &mut self,
-        x: &[f64],
-        u0: &mut [f64],
-        deadline: Option<Instant>,
-        iterations: &mut usize,
-    ) -> (QpStatus, Source) {
-        let (mut status, violated) = self.solve_program(x, deadline, iterations);
+    fn solve(&mut self, x: &[f64], u0: &mut [f64], within: Within, iterations: &mut usize) -> (QpStatus, Source) {
+        let (mut status, violated) = self.solve_program(x, within, iterations);
         let mut source = if violated { Source::SoftQp } else { Source::Qp };
         match status {
             QpStatus::Solved | QpStatus::Infeasible => self.lin.first_control(u0),
             QpStatus::OutOfTime => {
-                self.lin.first_control(u0);
+                let price = self.elastic_price();
+                self.lin.cheapest_control(x, price, &mut self.law, &mut self.step, u0);
                 source = Source::Tangent;
             }
             QpStatus::Failed if self.lin.is_ready() => {
@@ -845,7 +897,7 @@ impl Nmpc {
             QpStatus::Failed => source = Source::Plan,
         }
         let solved = status == QpStatus::Solved && source == Source::Qp;
-        if self.choose_branch(x, deadline, solved, iterations) {
+        if self.choose_branch(x, within.deadline, solved, iterations) {
             self.lin.first_control(u0);
             (status, source) = (QpStatus::Solved, Source::Qp);
         }
@@ -859,21 +911,33 @@ impl Nmpc {
     ///
     /// Where rows were violated at the last sample the program with prices comes first. Its penalties are exact (S.-P. Han, O. L. Mangasarian,
     /// *Exact penalty functions in nonlinear programming*, 1979): without violations its solution is that of the program without prices.
-    fn solve_program(&mut self, x: &[f64], deadline: Option<Instant>, iterations: &mut usize) -> (QpStatus, bool) {
+    fn solve_program(&mut self, x: &[f64], within: Within, iterations: &mut usize) -> (QpStatus, bool) {
+        let Within { deadline, most } = within;
         if !self.violating {
-            let status = self.solve_counted(x, Terms { deadline, brief: true, ..Terms::default() }, iterations);
-            if matches!(status, QpStatus::Solved | QpStatus::OutOfTime) || !self.lin.is_ready() {
+            let terms = Terms { deadline, most, brief: true, ..Terms::default() };
+            let status = self.solve_counted(x, terms, iterations);
+            // without an end in time the program with prices, which has a solution, is the one to solve
+            let late = status == QpStatus::OutOfTime && terms.over(*iterations);
+            if status == QpStatus::Solved || late || !self.lin.is_ready() {
                 return (status, false);
             }
             self.adapt_price();
         }
-        let priced = |price: f64| Terms { deadline, elastic: Some(price), ..Terms::default() };
-        let mut status = self.solve_counted(x, priced(self.elastic_price()), iterations);
+        let priced = |price: f64, done: usize| {
+            let most = most.map(|m| m.saturating_sub(done));
+            Terms { deadline, most, elastic: Some(price), ..Terms::default() }
+        };
+        let mut status = self.solve_counted(x, priced(self.elastic_price(), *iterations), iterations);
         if status == QpStatus::Solved && self.adapt_price() {
-            status = self.solve_counted(x, priced(self.elastic_price()), iterations);
+            status = self.solve_counted(x, priced(self.elastic_price(), *iterations), iterations);
         }
         self.violating = status != QpStatus::Solved || self.lin.violates();
         (if self.violating && status == QpStatus::Solved { QpStatus::Infeasible } else { status }, self.violating)
+    }
+
+    /// May a feedback be ended before its program is solved?
+    fn is_limited(&self) -> bool {
+        self.options.max_changes > 0 || self.options.deadline.is_finite()
     }
 
     fn solve_counted(&mut self, x: &[f64], terms: Terms, iterations: &mut usize) -> QpStatus {
@@ -986,9 +1050,9 @@ impl Nmpc {
     /// One step with the share of it that decreases cost plus violations; `other` is the point before.
     fn damped_step(&mut self, penalty: &mut f64) -> Result<f64> {
         let x = std::mem::take(&mut self.predicted);
-        let (status, violated) = self.solve_program(&x, None, &mut 0);
+        let (status, violated) = self.solve_program(&x, Within::default(), &mut 0);
         self.predicted = x;
-        if status != QpStatus::Solved && !(violated && status == QpStatus::Infeasible) {
+        if !has_solution(status, violated) {
             return Err(Error::Numeric("a quadratic program has no solution: give another guess".into()));
         }
         self.lin.step(&mut self.step);
@@ -1042,6 +1106,11 @@ impl Nmpc {
             Err(e) => self.note(Err(e)).map(|()| None),
         }
     }
+}
+
+/// Did a program end with a solution, with or without violations?
+fn has_solution(status: QpStatus, violated: bool) -> bool {
+    status == QpStatus::Solved || (violated && status == QpStatus::Infeasible)
 }
 
 fn difference(after: Evaluations, before: Evaluations) -> Evaluations {

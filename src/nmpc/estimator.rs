@@ -566,7 +566,7 @@ impl Mhe {
         let (mut status, mut source, mut done) = (QpStatus::Failed, Source::Plan, 0);
         while done < self.options.iterations {
             if done > 0 {
-                if terms.over() {
+                if terms.over(0) {
                     break;
                 }
                 self.linearise()?;
@@ -592,7 +592,7 @@ impl Mhe {
         mean.iter_mut().zip(self.arrival.mean.iter().zip(&self.window.x)).for_each(|(d, (m, x))| *d = m - x);
         let mut status = self.solver.solve(&self.qp, mean, terms);
         let mut source = Source::Qp;
-        if status == QpStatus::Infeasible || (status == QpStatus::OutOfTime && !terms.over()) {
+        if status == QpStatus::Infeasible || (status == QpStatus::OutOfTime && !terms.over(0)) {
             let cost = self.solver.cost_of_rows(&self.qp);
             let largest = self.qp.grad_x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
             let scale = [cost, largest].into_iter().find(|v| *v > 0.0 && v.is_finite()).unwrap_or(1.0);

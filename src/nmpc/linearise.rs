@@ -1,5 +1,6 @@
 //! Quadratic programs (10.5) at points of the optimisation.
 
+use super::choices;
 use super::constraints::Constraints;
 use super::cost::Costs;
 use super::iterate::{Iterate, Step};
@@ -7,7 +8,7 @@ use super::nodes::Nodes;
 use super::quasi_newton::BlockUpdates;
 use super::stage::{Evaluations, Stage, Starts};
 use crate::func::EvalResult;
-use crate::linalg::dense::{dot, gemv, gemv_transposed, mirror_eigenvalues, Left};
+use crate::linalg::dense::{axpy, dot, gemv, gemv_transposed, mirror_eigenvalues, Left};
 use crate::qp::{QpSolution, QpSolver, QpStatus, StageQp, Terms};
 
 /// Eigenvalues of a Hessian block are at least this share of its largest entry where it had to be made convex.
@@ -39,6 +40,8 @@ pub(super) struct Model {
     pub u_upper: Vec<f64>,
     /// The system switches: its stages are simulated by events.
     pub switches: bool,
+    /// Whether a control chooses among values.
+    pub chooses: Vec<bool>,
     /// Control evaluations of costs and constraints, and those of the stages.
     pub evaluations: Evaluations,
     /// Counts changes of parameters and times.
@@ -178,13 +181,15 @@ impl Linearisation {
 
     /// As [`Linearisation::roll_out`] without derivatives.
     pub fn simulate(model: &mut Model, at: &mut Iterate) -> EvalResult {
-        let (n, nx) = (model.nodes.n, model.nodes.nx);
-        for k in 0..n {
-            let (before, after) = at.x.split_at_mut((k + 1) * nx);
-            let starts = start(&model.nodes, k, before, &at.u);
-            model.stage.values(&starts, &mut after[..nx])?;
-        }
-        Ok(())
+        (0..model.nodes.n).try_for_each(|k| Linearisation::simulate_stage(model, at, k))
+    }
+
+    /// Stage `k` of it.
+    pub fn simulate_stage(model: &mut Model, at: &mut Iterate, k: usize) -> EvalResult {
+        let nx = model.nodes.nx;
+        let (before, after) = at.x.split_at_mut((k + 1) * nx);
+        let starts = start(&model.nodes, k, before, &at.u);
+        model.stage.values(&starts, &mut after[..nx])
     }
 
     /// Controls that moved nothing in the last [`Linearisation::roll_out`], with the values at which they begin to.
@@ -195,6 +200,7 @@ impl Linearisation {
     /// [`Linearisation::linearise`] at the point of the last [`Linearisation::roll_out`].
     pub fn linearise_rolled(&mut self, model: &mut Model, at: &Iterate) -> EvalResult {
         let Model { nodes, costs, constraints, evaluations, .. } = model;
+        nodes.solve(&at.x, &at.u)?;
         costs.evaluate(nodes, &at.x, &at.u, false)?;
         constraints.linearise(nodes, &at.x, &at.u)?;
         evaluations.values += 1;
@@ -231,6 +237,11 @@ impl Linearisation {
         if let Some(updates) = &mut self.updates {
             updates.update(&self.qp, &self.point, nx, nu);
             updates.write(&mut self.qp);
+        }
+        if model.chooses.contains(&true) {
+            // the Hessian is written anew at the next point
+            self.hessian_of = None;
+            choices::fix(&model.chooses, &mut self.qp);
         }
         self.ready = self.solver.prepare(&self.qp);
         if !self.ready {
@@ -320,6 +331,8 @@ impl Linearisation {
         };
         write(&mut self.qp.u_lower, &model.u_lower);
         write(&mut self.qp.u_upper, &model.u_upper);
+        self.qp.u_base.iter_mut().zip(&self.point.u).for_each(|(b, u)| *b = u.abs());
+        choices::fix_vectors(&model.chooses, &mut self.qp);
     }
 
     /// Brings the bounds of the states into the program.
@@ -513,6 +526,7 @@ impl Linearisation {
         if let Some(updates) = &mut self.updates {
             updates.change_gradient(&self.gx, &self.gu);
         }
+        choices::fix_vectors(&model.chooses, &mut self.qp);
         self.solver.refresh(&self.qp);
         Ok(change)
     }
@@ -609,6 +623,57 @@ impl Linearisation {
         u0.iter_mut().zip(own).for_each(|(u, ((point, step), held))| *u = point + step - held);
     }
 
+    /// Of what is known where the program is not solved the control that costs least, by the program, with `price` per unit of violation: that of its last
+    /// iterate, of the affine law, of the point itself. Each is followed by the affine law, cut off at the bounds of the controls. `gains` is room for
+    /// that of the program.
+    pub fn cheapest_control(&mut self, x0: &[f64], price: f64, gains: &mut [f64], step: &mut Step, u0: &mut [f64]) {
+        self.difference(x0);
+        if !self.solver.gains(gains) {
+            return self.first_control(u0);
+        }
+        let (nx, nu, qp, dx0) = (self.qp.nx, self.qp.nu, &self.qp, &self.dx0);
+        let QpSolution { x, u, .. } = &mut step.solution;
+        let (free_x, free_u) = (&mut self.gx, &mut self.gu);
+        free_u.copy_from_slice(self.solver.tangent(qp, dx0));
+        free_x[..nx].copy_from_slice(dx0);
+        qp.roll_out(free_u, free_x);
+        x[..nx].copy_from_slice(dx0);
+        let mut least = f64::INFINITY;
+        for which in 0..3 {
+            for k in 0..qp.n {
+                let (before, after) = x.split_at_mut((k + 1) * nx);
+                let (own, u) = (&before[k * nx..], &mut u[k * nu..(k + 1) * nu]);
+                match (k, which) {
+                    (0, 0) => u.copy_from_slice(&self.solver.controls()[..nu]),
+                    (0, 1) => u.fill(0.0),
+                    _ => {
+                        u.copy_from_slice(&free_u[k * nu..(k + 1) * nu]);
+                        for (i, (x, free)) in own.iter().zip(&free_x[k * nx..(k + 1) * nx]).enumerate() {
+                            axpy(x - free, &gains[(k * nx + i) * nu..(k * nx + i + 1) * nu], u);
+                        }
+                    }
+                }
+                let bounds = qp.u_lower[k * nu..].iter().zip(&qp.u_upper[k * nu..]);
+                u.iter_mut().zip(bounds).for_each(|(u, (l, h))| *u = u.max(*l).min(*h));
+                qp.step(k, own, u, &mut after[..nx]);
+            }
+            let cost = qp.objective(x, u, price);
+            if which == 0 || cost < least {
+                least = cost;
+                let own = self.point.u.iter().zip(u.iter()).zip(&self.held_u);
+                u0.iter_mut().zip(own).for_each(|(u, ((point, step), held))| *u = point + step - held);
+            }
+        }
+    }
+
+    /// The first control is this one: until [`Linearisation::embed_control_bounds`].
+    pub fn fix_first_control(&mut self, u: &[f64]) {
+        for (j, u) in u.iter().enumerate() {
+            let step = u - self.point.u[j];
+            (self.qp.u_lower[j], self.qp.u_upper[j]) = (step, step);
+        }
+    }
+
     /// What it costs to meet rows one by one, per unit of violation: the scale of prices.
     pub fn cost_of_rows(&mut self) -> f64 {
         self.solver.cost_of_rows(&self.qp)
@@ -629,7 +694,10 @@ impl Linearisation {
     pub fn tangent_control(&mut self, x0: &[f64], u0: &mut [f64]) {
         self.difference(x0);
         let step = self.solver.tangent(&self.qp, &self.dx0);
-        u0.iter_mut().zip(self.point.u.iter().zip(step)).for_each(|(u, (point, step))| *u = point + step);
+        let bounds = self.qp.u_lower.iter().zip(&self.qp.u_upper);
+        for ((u, (point, step)), (l, h)) in u0.iter_mut().zip(self.point.u.iter().zip(step)).zip(bounds) {
+            *u = point + step.max(*l).min(*h);
+        }
     }
 
     /// What a step adds to the cost by the program; rows that may not be violated have `price` per unit.

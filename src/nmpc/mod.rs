@@ -10,7 +10,8 @@
 //! stage          x_{k+1} = ψ(x_k, u_k), A_k, B_k, adjoints: explicit and implicit Runge-Kutta, events
 //! cost, constraints
 //! linearise      quadratic programs of levels B, C, D at a point; steps belong to them
-//! branch         alternatives where a system sticks
+//! branch         alternatives where a system sticks, and where controls choose
+//! choices        sequences of values that controls choose
 //! controller     schemes: real-time iterations, multi-level iterations, advanced steps
 //! monitor        contraction, times, counts
 //! standby        the last plan with its feedback law
@@ -22,6 +23,7 @@
 
 mod arrival;
 mod branch;
+mod choices;
 mod code;
 mod constraints;
 mod controller;

@@ -62,7 +62,7 @@ pub enum Source {
     Qp = 0,
     /// The quadratic program with rows that may be violated at a price, since they cannot all be met, or only at more than that price.
     SoftQp = 1,
-    /// The prepared affine feedback or an unfinished quadratic program, cut off at the bounds of the controls.
+    /// The prepared affine feedback, an unfinished quadratic program or the plan, cut off at the bounds of the controls: what costs least, by the program.
     Tangent = 2,
     /// The last plan.
     Plan = 3,
@@ -90,6 +90,9 @@ pub struct Options {
     /// Seconds that [`super::Nmpc::feedback`] may take, infinite for as many as it needs; checked in every iteration of the
     /// quadratic program.
     pub deadline: f64,
+    /// Changes of the active set in a feedback at most (for [`QpMethod::Stagewise`] Newton steps), 0: as many as it needs. What is left of them is
+    /// made in the next preparation.
+    pub max_changes: usize,
     /// Price per unit of violation where rows cannot all be met; 0: a thousand times what it costs to meet them one by one.
     pub elastic_price: f64,
     /// Runge-Kutta family of the predictions; that of the problem's settings without it.
@@ -99,7 +102,7 @@ pub struct Options {
     /// Steps in every control stage, 0: as many as the settings have finite elements.
     pub steps: usize,
     /// Systems that switch: alternatives to the plan that are prepared at most where a control moves nothing since the system
-    /// sticks. Memory for as many linearisations is taken when the controller is made.
+    /// sticks, and other sequences of controls that choose. Memory for as many linearisations is taken when the controller is made.
     pub flips: usize,
     /// An alternative is taken where its predicted cost is lower than that of the plan by more than this share of the latter.
     pub hysteresis: f64,
@@ -115,6 +118,7 @@ impl Default for Options {
             qp: QpMethod::Auto,
             shift: false,
             deadline: f64::INFINITY,
+            max_changes: 0,
             elastic_price: 0.0,
             family: None,
             n_s: 0,

@@ -16,16 +16,21 @@ fn refuse<T>(what: &str) -> Result<T> {
     Err(Error::Unsupported(format!("real-time control does not know {what}")))
 }
 
-/// Does the system switch, so that its stages are simulated by events?
+/// Does the system switch, by itself or since controls choose, so that its stages are simulated by events?
 pub(super) fn switches(s: &Statement) -> bool {
     let by_modes = s.system.subsystems().len() + s.system.inclusions().len() > 0;
-    by_modes || !s.system.transitions().is_empty() || s.system.mechanics().is_some()
+    by_modes || !s.system.choices().is_empty() || !s.system.transitions().is_empty() || s.system.mechanics().is_some()
 }
 
 /// What a controller cannot do yet, said when it is made.
 fn check(s: &Statement) -> Result<()> {
-    if switches(s) && s.system.n_algebraic() > 0 {
-        return refuse("algebraic equations in systems that switch");
+    let first = s.system.dims().x - s.system.n_algebraic();
+    let by_modes = s.system.subsystems().iter().map(|m| &m.rows).chain(s.system.inclusions().iter().map(|m| &m.rows));
+    if by_modes.flatten().any(|row| *row >= first) {
+        return refuse("algebraic equations that switch: only rates may");
+    }
+    if s.system.n_algebraic() > 0 && (!s.system.transitions().is_empty() || s.system.mechanics().is_some()) {
+        return refuse("algebraic equations next to transitions, clocks and contacts");
     }
     if s.system.f0().is_none() && !switches(s) {
         return refuse("systems without a right-hand side");
@@ -116,7 +121,7 @@ pub(super) fn stage(ocp: &Ocp, options: &Options, n: usize) -> Result<Box<dyn St
         if options.scheme == Scheme::Mli || options.level != Level::D0 {
             return refuse("levels other than D0 for systems that switch: their derivatives change with the modes");
         }
-        return Ok(Box::new(EventStage::new(s.simulated, &s.settings.into())?));
+        return Ok(Box::new(EventStage::new(s.simulated, &s.settings.into(), algebraic_guess(&s))?));
     }
     let Some(f) = s.system.f0() else { return refuse("systems without a right-hand side") };
     let own = crate::fesd::Options::from_settings(s.settings)?;
@@ -170,7 +175,6 @@ fn algebraic_guess(s: &Statement) -> Vec<f64> {
 /// The functions of the problem, and an empty quadratic program for them.
 pub(super) fn build(ocp: &Ocp, options: &Options) -> Result<(Model, StageQp)> {
     let s = ocp.statement();
-    s.system.check_without_choices("a controller")?;
     check(&s)?;
     let exact = options.hessian() == HessianKind::Exact;
     let n = s.n_stages;
@@ -195,6 +199,7 @@ pub(super) fn build(ocp: &Ocp, options: &Options) -> Result<(Model, StageQp)> {
         constraints,
         stage: stage(ocp, options, n)?,
         switches: switches(&s),
+        chooses: (0..nodes.nu).map(|j| s.system.choices().iter().any(|c| c.control == j)).collect(),
         u_lower: s.u_bounds[0].clone(),
         u_upper: s.u_bounds[1].clone(),
         nodes,

@@ -479,12 +479,10 @@ impl QpSolver for Condensing {
         qp.multipliers(&out.x, &out.u, &out.row_mu, &mut out.lambda);
     }
 
-    fn tangent(&mut self, qp: &StageQp, x0: &[f64]) -> &[f64] {
+    fn tangent(&mut self, _qp: &StageQp, x0: &[f64]) -> &[f64] {
         if self.ready {
             self.at(x0);
         }
-        let bounds = qp.u_lower.iter().zip(&qp.u_upper);
-        self.v_now.iter_mut().zip(bounds).for_each(|(v, (l, u))| *v = v.max(*l).min(*u));
         &self.v_now
     }
 

@@ -282,7 +282,7 @@ pub(super) fn equations(make: &dyn Fn(&StageQp) -> Box<dyn QpSolver>, tol: f64) 
         qp = {
             let rows = (0..3).map(|_| Row { node: 8, price: None }).collect();
             let mut with = StageQp::new(8, 3, 2, rows).unwrap();
-            let StageQp { rows: _, row_x: _, row_u: _, row_lower: _, row_upper: _, .. } = with;
+            let StageQp { rows: _, row_x: _, row_u: _, row_lower: _, row_upper: _, row_base: _, .. } = with;
             (0..3).for_each(|i| with.row_x[i * 3 + i] = 1.0);
             with.row_lower = vec![0.3, -0.2, 0.1];
             with.row_upper = with.row_lower.clone();
@@ -292,6 +292,7 @@ pub(super) fn equations(make: &dyn Fn(&StageQp) -> Box<dyn QpSolver>, tol: f64) 
                 row_u: with.row_u,
                 row_lower: with.row_lower,
                 row_upper: with.row_upper,
+                row_base: with.row_base,
                 ..qp
             }
         };
@@ -314,7 +315,6 @@ pub(super) fn refuses(make: &dyn Fn(&StageQp) -> Box<dyn QpSolver>) {
     assert!(matches!(solver.solve(&qp, &x0, &late), QpStatus::OutOfTime | QpStatus::Solved));
     let inside = |u: &[f64]| u.iter().enumerate().all(|(i, v)| *v >= qp.u_lower[i] && *v <= qp.u_upper[i]);
     assert!(inside(solver.controls()));
-    assert!(inside(solver.tangent(&qp, &x0)));
     let good = qp.clone();
     qp.hess_u.iter_mut().for_each(|v| *v = -*v - 100.0);
     assert!(!solver.prepare(&qp));
@@ -355,6 +355,48 @@ pub(super) fn sums_at_zero(make: &dyn Fn(&StageQp) -> Box<dyn QpSolver>, tol: f6
     }
 }
 
+/// The work of a solution has a bound: what is left of it is done later, from where it was, and the solution is the same one. The controls that are there are
+/// within their bounds at any time.
+pub(super) fn bounded(make: &dyn Fn(&StageQp) -> Box<dyn QpSolver>, tol: f64) {
+    let (mut cut, mut contradictions) = (0, 0);
+    for seed in 0..40 {
+        let size = [[20, 3, 2], [30, 2, 1], [8, 5, 3]][seed as usize % 3];
+        let kind = Kind { rows: 2, tight: [0.3, 0.1][seed as usize % 2], ..Kind::default() };
+        let (mut qp, x0) = random(seed + 400, size, kind);
+        let elastic = Some(1e3);
+        let mut solver = make(&qp);
+        assert!(solver.prepare(&qp));
+        contradictions += usize::from(solver.solve(&qp, &x0, &Terms::default()) == QpStatus::Infeasible);
+        let mut s = QpSolution::new(&qp);
+        for most in [1, 2, 5, 20] {
+            solver.reset();
+            assert!(solver.prepare(&qp));
+            let status = solver.solve(&qp, &x0, &Terms { elastic, most: Some(most), ..Terms::default() });
+            assert!(matches!(status, QpStatus::OutOfTime | QpStatus::Solved), "{seed} {most}: {status:?}");
+            assert!(solver.iterations() <= most, "{seed} {most}: {}", solver.iterations());
+            let all = solver.controls().iter().zip(qp.u_lower.iter().zip(&qp.u_upper));
+            assert!(status == QpStatus::Solved || all.clone().all(|(u, (l, h))| l <= u && u <= h), "{seed} {most}");
+            cut += usize::from(status == QpStatus::OutOfTime);
+            assert_eq!(
+                solver.solve(&qp, &x0, &Terms { elastic, ..Terms::default() }),
+                QpStatus::Solved,
+                "{seed} {most}"
+            );
+            solver.expand(&qp, &mut s);
+            let prices: Vec<_> = qp.rows.iter().map(|r| r.price).collect();
+            qp.rows.iter_mut().for_each(|r| r.price = Some(Price { linear: 1e3, quadratic: 0.0 }));
+            let off = residual(&qp, &x0, &s);
+            qp.rows.iter_mut().zip(prices).for_each(|(r, p)| r.price = p);
+            assert!(off < tol, "{seed} {most}: {off:e}");
+            // the state that it was solved for is no news
+            assert_eq!(solver.solve(&qp, &x0, &Terms { elastic, ..Terms::default() }), QpStatus::Solved);
+            let again = solver.iterations();
+            assert!(!solver.violates(&qp) || again <= 4, "{seed} {most}: {again} iterations again");
+        }
+    }
+    assert!(cut > 60 && contradictions > 10, "{cut} {contradictions}: the programs have lost their point");
+}
+
 #[test]
 fn condensing_conforms() {
     let make = |qp: &StageQp| Box::new(Condensing::new(qp).unwrap()) as Box<dyn QpSolver>;
@@ -362,6 +404,7 @@ fn condensing_conforms() {
     sums_at_zero(&make, 1e-9);
     hard_rows(&make, 1e-9);
     equations(&make, 1e-9);
+    bounded(&make, 1e-8);
     refuses(&make);
 }
 
@@ -372,6 +415,7 @@ fn stagewise_conforms() {
     sums_at_zero(&make, 1e-9);
     hard_rows(&make, 1e-9);
     equations(&make, 1e-9);
+    bounded(&make, 1e-8);
     refuses(&make);
     estimates(&make, 1e-9);
 }

@@ -445,7 +445,7 @@ impl DualActiveSet {
         self.tolerance = FEASIBLE;
         let mut changes = 0;
         loop {
-            if self.iterations > 0 && terms.over() {
+            if self.iterations > 0 && terms.over(self.iterations) {
                 self.cut_off(q);
                 return QpStatus::OutOfTime;
             }

@@ -35,7 +35,7 @@ pub enum QpStatus {
     Solved = 0,
     /// Rows that may not be violated contradict each other.
     Infeasible = 1,
-    /// The deadline or the bound on iterations came first; the control that is there is the best known, within its bounds.
+    /// The deadline or a bound on iterations came first; the control that is there is the best known, within its bounds.
     OutOfTime = 2,
     /// The Hessian is not positive definite on the controls, or data are not finite.
     Failed = 3,
@@ -46,6 +46,8 @@ pub enum QpStatus {
 pub struct Terms {
     /// Asked in every iteration.
     pub deadline: Option<Instant>,
+    /// Iterations at most, of which there is one at least: the bound on the work of a solution.
+    pub most: Option<usize>,
     /// All rows may be violated, at this price per unit: the program then always has a solution.
     pub elastic: Option<f64>,
     /// Methods that change one constraint at a time fail where they would loosen their tolerance: for those who ask for prices next.
@@ -53,9 +55,9 @@ pub struct Terms {
 }
 
 impl Terms {
-    /// Is the time over?
-    pub(crate) fn over(&self) -> bool {
-        self.deadline.is_some_and(|d| Instant::now() >= d)
+    /// Is the time over, or the work, after so many iterations?
+    pub(crate) fn over(&self, iterations: usize) -> bool {
+        self.most.is_some_and(|m| iterations >= m.max(1)) || self.deadline.is_some_and(|d| Instant::now() >= d)
     }
 }
 
@@ -74,7 +76,7 @@ pub trait QpSolver: Send {
     fn controls(&self) -> &[f64];
     /// States and multipliers of the last [`QpSolver::solve`].
     fn expand(&mut self, qp: &StageQp, out: &mut QpSolution);
-    /// Controls for `x0` without regard of constraints, cut off at their bounds: what is there before anything is solved.
+    /// Controls for `x0` without regard of constraints: what is there before anything is solved.
     fn tangent(&mut self, qp: &StageQp, x0: &[f64]) -> &[f64];
     /// Feedback gains without constraints: `K_k`, `nu × nx` column-major for every stage, `[n · nu · nx]`, so that the solution of the program
     /// that begins at node `k` moves by `u_k = K_k x_k`. False where nothing is prepared.

@@ -73,6 +73,10 @@ pub struct StageQp {
     pub row_lower: Vec<f64>,
     /// Bounds of the rows.
     pub row_upper: Vec<f64>,
+    /// Sizes of what bounds of controls and of rows are differences from, zero where they are none: their rounding is that of these numbers.
+    pub u_base: Vec<f64>,
+    /// The same of rows.
+    pub row_base: Vec<f64>,
 }
 
 impl StageQp {
@@ -117,6 +121,8 @@ impl StageQp {
             row_u: vec![0.0; m * nu],
             row_lower: vec![-free; m],
             row_upper: vec![free; m],
+            u_base: vec![0.0; n * nu],
+            row_base: vec![0.0; m],
         })
     }
 

@@ -119,6 +119,8 @@ pub struct Stagewise {
     c: Vec<f64>,
     values: Vec<f64>,
     has_gaps: bool,
+    /// It is the solution of this program for another first state.
+    is_solution: bool,
     /// Gradient of the Lagrangian without the dynamics.
     gy: Vec<f64>,
     /// Signed multipliers, and what Newton's equations take for them, bounds first.
@@ -171,6 +173,7 @@ impl Stagewise {
             c: zeros(n * nx),
             values: zeros(rows),
             has_gaps: true,
+            is_solution: false,
             gy: zeros((n + 1) * w),
             y: zeros(all),
             aim: zeros(all),
@@ -238,10 +241,10 @@ impl Stagewise {
 
     /// Size of the terms of a constraint.
     fn size(&self, i: usize, qp: &StageQp, largest: f64, bound: f64) -> f64 {
-        let Some(r) = i.checked_sub(self.n_u) else { return largest + bound.abs() };
+        let Some(r) = i.checked_sub(self.n_u) else { return largest + bound.abs() + qp.u_base[i] };
         let (w, k) = (self.blocks.w, qp.rows[r].node);
         let own = self.blocks.row(r).iter().zip(&self.z[k * w..(k + 1) * w]);
-        own.map(|(a, z)| (a * z).abs()).sum::<f64>() + bound.abs()
+        own.map(|(a, z)| (a * z).abs()).sum::<f64>() + bound.abs() + qp.row_base[r]
     }
 
     fn largest_control(&self) -> f64 {
@@ -350,8 +353,8 @@ impl Stagewise {
     fn settle(&mut self, qp: &StageQp, x0: &[f64], terms: &Terms, patience: usize) -> End {
         let (mut fewest, mut vain, mut corrections) = (usize::MAX, 0, 0);
         let mut known = false;
-        for pass in 0..MOST {
-            if pass > 0 && terms.over() {
+        for _ in 0..MOST {
+            if self.iterations > 0 && terms.over(self.iterations) {
                 return End::Late;
             }
             self.iterations += 1;
@@ -365,15 +368,17 @@ impl Stagewise {
                 return End::Stuck;
             }
             self.newton(qp, x0, empty);
-            axpy(1.0, &self.sweep.dz, &mut self.z);
-            self.has_gaps = false;
-            self.evaluate(qp);
+            self.make_newton_step(qp);
+            let stiff = self.state[self.n_u..].contains(&State::In);
+            if !known && stiff {
+                // a step from far away loses digits to the weights of rows, and signs with them: the next one is short
+                self.aim_at_active(qp);
+                self.newton(qp, x0, empty);
+                self.make_newton_step(qp);
+            }
             known = true;
-            self.multipliers_of_active(qp);
             let Some((changes, open)) = self.revise(qp) else { return End::Contradiction };
             if changes == 0 {
-                // a step loses digits to the weights of rows: the next one is short and has them
-                let stiff = self.state[self.n_u..].contains(&State::In);
                 if !open && (corrections > 0 || !stiff) {
                     return End::Solved;
                 }
@@ -391,6 +396,14 @@ impl Stagewise {
             }
         }
         End::Stuck
+    }
+
+    /// The step of `sweep`, and what is known at its end.
+    fn make_newton_step(&mut self, qp: &StageQp) {
+        axpy(1.0, &self.sweep.dz, &mut self.z);
+        self.has_gaps = false;
+        self.evaluate(qp);
+        self.multipliers_of_active(qp);
     }
 
     /// What Newton's equations take for the multipliers of active rows.
@@ -698,8 +711,8 @@ impl Stagewise {
         self.sides.iter_mut().for_each(|s| (s.dt, s.dlambda, s.ds, s.dnu) = (0.0, 0.0, 0.0, 0.0));
         let start = self.complementarity(0.0);
         let (mut mu, mut left) = (start, 1.0);
-        for pass in 0..MOST {
-            if pass > 0 && terms.over() {
+        for _ in 0..MOST {
+            if self.iterations > 0 && terms.over(self.iterations) {
                 return End::Late;
             }
             self.iterations += 1;
@@ -907,6 +920,7 @@ impl QpSolver for Stagewise {
     }
 
     fn prepare(&mut self, qp: &StageQp) -> bool {
+        self.is_solution = false;
         self.blocks.take(qp);
         self.free.forget();
         self.now.forget();
@@ -928,7 +942,9 @@ impl QpSolver for Stagewise {
         self.ready
     }
 
-    fn refresh(&mut self, _qp: &StageQp) {}
+    fn refresh(&mut self, _qp: &StageQp) {
+        self.is_solution = false;
+    }
 
     fn solve(&mut self, qp: &StageQp, x0: &[f64], terms: &Terms) -> QpStatus {
         (self.iterations, self.stages) = (0, 0);
@@ -936,6 +952,7 @@ impl QpSolver for Stagewise {
             return QpStatus::Failed;
         }
         self.begin(qp, terms);
+        let near = std::mem::take(&mut self.is_solution);
         let crossed = (0..self.state.len()).any(|i| {
             let [lower, upper] = self.bounds(i, qp);
             self.price(i).0 == f64::INFINITY && (lower > upper || lower.is_nan() || upper.is_nan())
@@ -945,11 +962,17 @@ impl QpSolver for Stagewise {
             self.take_controls(qp);
             return QpStatus::Infeasible;
         }
+        if near {
+            self.kept.copy_from_slice(&self.z);
+        } else {
+            self.kept.fill(0.0);
+        }
         if terms.elastic.is_some() {
             self.start(qp, x0);
         }
-        self.z.fill(0.0);
-        self.has_gaps = true;
+        // near its solution a step is short and loses no digits to the weights of rows
+        self.z.copy_from_slice(&self.kept);
+        self.has_gaps = !near;
         let mut end = self.settle(qp, x0, terms, PATIENCE);
         if end == End::Stuck {
             let scale = self.start(qp, x0).max(self.cost_of_cutting(qp));
@@ -959,6 +982,7 @@ impl QpSolver for Stagewise {
             self.start(qp, x0);
         }
         let finite = self.take_controls(qp);
+        self.is_solution = finite && end == End::Solved;
         match end {
             _ if !finite => QpStatus::Failed,
             End::Solved => QpStatus::Solved,
@@ -985,13 +1009,12 @@ impl QpSolver for Stagewise {
     fn tangent(&mut self, qp: &StageQp, x0: &[f64]) -> &[f64] {
         self.cut.copy_from_slice(&self.u);
         if self.ready && x0.iter().all(|v| v.is_finite()) {
+            self.is_solution = false;
             self.start(qp, x0);
             for i in 0..self.n_u {
                 self.cut[i] = self.z[self.at(i)];
             }
         }
-        let bounds = qp.u_lower.iter().zip(&qp.u_upper);
-        self.cut.iter_mut().zip(bounds).for_each(|(v, (l, u))| *v = v.max(*l).min(*u));
         &self.cut
     }
 
@@ -1054,6 +1077,7 @@ impl QpSolver for Stagewise {
     fn reset(&mut self) {
         self.state.fill(State::Out);
         self.y.fill(0.0);
+        self.is_solution = false;
         self.ready = false;
     }
 }

@@ -748,7 +748,7 @@ Sources of a control.
 
 - `SWB_NMPC_SOURCE_QP`: The quadratic program.
 - `SWB_NMPC_SOURCE_SOFT_QP`: The quadratic program with constraints at a price, since they cannot all be met.
-- `SWB_NMPC_SOURCE_TANGENT`: The affine law or an unfinished quadratic program, cut off at the bounds of the controls.
+- `SWB_NMPC_SOURCE_TANGENT`: The affine law, an unfinished quadratic program or the plan, cut off at the bounds of the controls: what costs least.
 - `SWB_NMPC_SOURCE_PLAN`: The last plan.
 - `SWB_NMPC_SOURCE_HOLD`: The last control again.
 """
@@ -765,7 +765,7 @@ How a quadratic program ended.
 
 - `SWB_NMPC_QP_STATUS_SOLVED`: Solved.
 - `SWB_NMPC_QP_STATUS_INFEASIBLE`: Constraints contradict each other.
-- `SWB_NMPC_QP_STATUS_OUT_OF_TIME`: The deadline came first.
+- `SWB_NMPC_QP_STATUS_OUT_OF_TIME`: The deadline or the bound on changes came first.
 - `SWB_NMPC_QP_STATUS_FAILED`: Not convex on the controls, or not finite.
 """
 const swb_nmpc_qp_status = Int64
@@ -1896,6 +1896,7 @@ Options of a controller; swb_nmpc_options_init sets the defaults.
 - `elastic_price`: Price per unit of violation where constraints cannot all be met; 0: a thousand times the cost of meeting them one by one.
 - `flips`: Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks; at most 64.
 - `hysteresis`: Systems that switch: an alternative is taken where its predicted cost is lower than that of the plan by more than this share.
+- `max_changes`: Changes of the active set in swb_nmpc_feedback at most (SWB_NMPC_QP_STAGEWISE: Newton steps), 0 for as many as it needs. What is left of them is made in the next preparation.
 """
 struct swb_nmpc_options
     struct_size::UInt64
@@ -1912,8 +1913,9 @@ struct swb_nmpc_options
     elastic_price::Cdouble
     flips::Int64
     hysteresis::Cdouble
+    max_changes::Int64
 end
-sizeof(swb_nmpc_options) == 112 || error("swb_nmpc_options has another size than in C")
+sizeof(swb_nmpc_options) == 120 || error("swb_nmpc_options has another size than in C")
 
 """
 Result of a preparation, a feedback or an estimate.

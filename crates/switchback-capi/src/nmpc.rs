@@ -87,7 +87,7 @@ pub enum swb_nmpc_source {
     Qp = 0,
     /// The quadratic program with constraints at a price, since they cannot all be met.
     SoftQp = 1,
-    /// The affine law or an unfinished quadratic program, cut off at the bounds of the controls.
+    /// The affine law, an unfinished quadratic program or the plan, cut off at the bounds of the controls: what costs least.
     Tangent = 2,
     /// The last plan.
     Plan = 3,
@@ -103,7 +103,7 @@ pub enum swb_nmpc_qp_status {
     Solved = 0,
     /// Constraints contradict each other.
     Infeasible = 1,
-    /// The deadline came first.
+    /// The deadline or the bound on changes came first.
     OutOfTime = 2,
     /// Not convex on the controls, or not finite.
     Failed = 3,
@@ -146,11 +146,14 @@ pub struct swb_nmpc_options {
     pub deadline: f64,
     /// Price per unit of violation where constraints cannot all be met; 0: a thousand times the cost of meeting them one by one.
     pub elastic_price: f64,
-    /// Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks; at
-    /// most 64.
+    /// Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks, and
+    /// other sequences of controls that choose; at most 64.
     pub flips: i64,
     /// Systems that switch: an alternative is taken where its predicted cost is lower than that of the plan by more than this share.
     pub hysteresis: f64,
+    /// Changes of the active set in swb_nmpc_feedback at most (SWB_NMPC_QP_STAGEWISE: Newton steps), 0 for as many as it needs. What is left of
+    /// them is made in the next preparation.
+    pub max_changes: i64,
 }
 
 unsafe impl Sized8 for swb_nmpc_options {}
@@ -173,6 +176,7 @@ impl Default for swb_nmpc_options {
             elastic_price: o.elastic_price,
             flips: o.flips as i64,
             hysteresis: o.hysteresis,
+            max_changes: o.max_changes as i64,
         }
     }
 }
@@ -237,6 +241,7 @@ impl swb_nmpc_options {
             steps: count("steps", self.steps)?,
             flips: count("flips", self.flips)?,
             hysteresis: self.hysteresis,
+            max_changes: count("max_changes", self.max_changes)?,
         })
     }
 }

@@ -30,7 +30,7 @@ static struct {
     recursion_t free, now;
     real want_u[N * NU], want_rows[ROOM(ROWS)], have_u[N * NU], have_rows[ROOM(ROWS)];
     unsigned char want_fixed[N * NU], have_fixed[N * NU];
-    real reach[ALL], y[ALL], aim[ALL], dv[ALL], kept_y[ALL], sign[ALL];
+    real base[ALL], reach[ALL], y[ALL], aim[ALL], dv[ALL], kept_y[ALL], sign[ALL];
     unsigned char state[ALL];
     signed char pointed[ALL], tried[ALL];
     side_t sides[2 * ALL];
@@ -43,7 +43,7 @@ static struct {
     real cov[NX * NX], gain[NU * NX], closed[NX * NX], product[NX * NX], noise[NX * NU];
     /* The controller. */
     real measured[NX], applied[NU], predicted[NX], u_lower[NU], u_upper[NU], price;
-    int elastic, has_gaps, ready, prepared, pending, seen, unshifted, has_prediction, violating, entry, started, iterations;
+    int elastic, has_gaps, is_solution, ready, prepared, pending, seen, unshifted, has_prediction, violating, entry, started, iterations;
 } w;
 
 const unsigned long PREFIX(arena_bytes) = (unsigned long)sizeof w;
@@ -256,6 +256,7 @@ static int constraints(void) {
             value = w.value[out];
         }
         w.lower[N * NU + r] = ROW_LOWER[r] - value;
+        w.base[N * NU + r] = absolute(value);
         w.upper[N * NU + r] = ROW_UPPER[r] - value;
     }
     return 1;
@@ -462,10 +463,10 @@ static real size_of(int i, real largest, real bound) {
     real s = 0;
     int j;
     if (i < N * NU)
-        return largest + absolute(bound);
+        return largest + absolute(bound) + w.base[i];
     for (j = 0; j < NW; j++)
         s += absolute(w.rows[(i - N * NU) * NW + j] * w.z[ROW_NODE[i - N * NU] * NW + j]);
-    return s + absolute(bound);
+    return s + absolute(bound) + w.base[i];
 }
 
 static real stiff(int i) {
@@ -604,6 +605,14 @@ static void multipliers_of_active(void) {
     }
 }
 
+/* The step, and what is known at its end. */
+static void make_newton_step(void) {
+    axpy((N + 1) * NW, 1, w.dz, w.z);
+    w.has_gaps = 0;
+    evaluate();
+    multipliers_of_active();
+}
+
 /* The next active set by the signs at the point: the number of changes, or -1 where a row is violated that nothing can move. */
 static int revise(int *open) {
     real largest = 0;
@@ -677,18 +686,21 @@ static int settle(const real *x0, int patience) {
         if (!empty && !factorise())
             return STUCK;
         newton(x0, empty);
-        axpy((N + 1) * NW, 1, w.dz, w.z);
-        w.has_gaps = 0;
-        evaluate();
+        make_newton_step();
+        for (i = N * NU; i < ALL; i++)
+            if (w.state[i] == IN)
+                stiff_rows = 1;
+        if (!known && stiff_rows) {
+            /* a step from far away loses digits to the weights of rows, and signs with them: the next one is short */
+            aim_at_active();
+            newton(x0, empty);
+            make_newton_step();
+        }
         known = 1;
-        multipliers_of_active();
         changes = revise(&open);
         if (changes < 0)
             return CONTRADICTION;
         if (changes == 0) {
-            for (i = N * NU; i < ALL; i++)
-                if (w.state[i] == IN)
-                    stiff_rows = 1;
             if (!open && (corrections > 0 || !stiff_rows))
                 return SOLVED;
             if (corrections == CORRECTIONS)
@@ -1064,17 +1076,24 @@ static int interior(const real *x0, real scale) {
 }
 
 static int solve(const real *x0) {
+    const int near = w.is_solution;
     int i, end;
+    w.is_solution = 0;
     begin();
     for (i = 0; i < ALL; i++)
         if (is_hard(i) && !(w.lower[i] <= w.upper[i])) {
             (void)start(x0);
             return CONTRADICTION;
         }
+    if (near)
+        copy((N + 1) * NW, w.z, w.kept);
+    else
+        fill((N + 1) * NW, 0, w.kept);
     if (w.elastic)
         (void)start(x0);
-    fill((N + 1) * NW, 0, w.z);
-    w.has_gaps = 1;
+    /* near its solution a step is short and loses no digits to the weights of rows */
+    copy((N + 1) * NW, w.kept, w.z);
+    w.has_gaps = !near;
     end = settle(x0, PATIENCE);
     if (end == CONTRADICTION)
         (void)start(x0);
@@ -1084,6 +1103,7 @@ static int solve(const real *x0) {
         if (scale > 0)
             end = interior(x0, scale);
     }
+    w.is_solution = end == SOLVED && all_finite((N + 1) * NW, w.z);
     return end;
 }
 
@@ -1159,7 +1179,7 @@ static int solve_program(const real *dx0, int *violated) {
     if (!w.violating) {
         w.elastic = 0;
         end = solve(dx0);
-        if (end != CONTRADICTION)
+        if (end == SOLVED)
             return end;
         (void)adapt_price();
     }
@@ -1191,13 +1211,14 @@ static void control_bounds(void) {
     int i;
     for (i = 0; i < N * NU; i++) {
         w.lower[i] = w.u_lower[i % NU] - w.at_u[i];
+        w.base[i] = absolute(w.at_u[i]);
         w.upper[i] = w.u_upper[i % NU] - w.at_u[i];
     }
 }
 
 static int linearise(void) {
     int k;
-    w.ready = 0;
+    w.ready = w.is_solution = 0;
     copy((N + 1) * NX, w.x, w.at_x);
     copy(N * NU, w.u, w.at_u);
     for (k = 0; k < N; k++) {
@@ -1276,7 +1297,7 @@ void PREFIX(reset)(void) {
         w.sign[i] = 1;
     }
     w.price = 0;
-    w.elastic = w.ready = w.prepared = w.pending = w.seen = w.unshifted = w.has_prediction = w.violating = w.entry = 0;
+    w.elastic = w.is_solution = w.ready = w.prepared = w.pending = w.seen = w.unshifted = w.has_prediction = w.violating = w.entry = 0;
     w.started = 1;
 }
 
@@ -1303,6 +1324,15 @@ int PREFIX(prepare)(void) {
         w.entry = 0;
     }
     (void)linearise();
+    /* where rows could not be met the active set is far from that of any other program: solve it for the state that is predicted */
+    if (w.violating && w.ready && w.entry <= N) {
+        const real *next = w.has_prediction ? w.predicted : &w.x[w.entry * NX];
+        real dx0[NX];
+        int i;
+        for (i = 0; i < NX; i++)
+            dx0[i] = next[i] - w.at_x[i];
+        (void)solve_program(dx0, &violated);
+    }
     w.prepared = 1;
     return w.ready;
 }
@@ -1358,6 +1388,7 @@ int PREFIX(set_reference)(int term, const real *y) {
     finish();
     for (i = 0; i < TERM_COUNT[term]; i++)
         copy(FUN_OUT[1 + term], y, &w.references[TERM_REFERENCES[term] + i * FUN_OUT[1 + term]]);
+    w.is_solution = 0;
     if (w.prepared && w.ready && !costs(0))
         w.ready = 0;
     return 1;

@@ -186,6 +186,9 @@ impl Nmpc {
         if self.model.nodes.p.chunks_exact(self.model.nodes.np.max(1)).any(|p| p != &self.model.nodes.p[..p.len()]) {
             return refuse("parameters that differ from stage to stage");
         }
+        if o.max_changes > 0 {
+            return refuse("max_changes");
+        }
         if o.qp != QpMethod::Stagewise {
             return Err(Error::State(
                 "the files solve quadratic programs stage by stage: make the controller with qp_solver \"stagewise\""

@@ -64,6 +64,13 @@ impl Nmpc {
     /// [`Error::Range`], [`Error::Dimension`].
     pub fn set_control_bounds(&mut self, lower: &[f64], upper: &[f64]) -> Result<()> {
         check_bounds("control", lower, upper, self.nu())?;
+        let other = |j: &usize| lower[*j] != self.model.u_lower[*j] || upper[*j] != self.model.u_upper[*j];
+        let chooses = |j: &usize| self.model.chooses[*j];
+        if let Some(j) = (0..self.nu()).filter(chooses).find(other) {
+            return Err(Error::Range(format!(
+                "control {j} chooses among values: its bounds are those of the problem, make another controller for others"
+            )));
+        }
         self.finish();
         self.model.u_lower.copy_from_slice(lower);
         self.model.u_upper.copy_from_slice(upper);

@@ -19,6 +19,9 @@ pub(in super::super) struct EventStage {
     engine: Engine,
     plain: Engine,
     nx: usize,
+    /// Algebraic states, behind the others: the last that were found are the next guess.
+    z: Vec<f64>,
+    full: Vec<f64>,
     nu: usize,
     np: usize,
     break_away: Vec<Option<[f64; 2]>>,
@@ -44,16 +47,27 @@ fn stopped(k: usize) -> String {
     format!("the simulation of stage {k} stops before its end")
 }
 
-fn simulate(engine: &mut Engine, at: &Starts, k: usize, [nx, nu, np]: [usize; 3], next: &mut [f64]) -> EvalResult {
+fn simulate(
+    engine: &mut Engine,
+    at: &Starts,
+    k: usize,
+    [nx, nu, np]: [usize; 3],
+    (z, full): (&mut [f64], &mut [f64]),
+    next: &mut [f64],
+) -> EvalResult {
+    full[..nx].copy_from_slice(&at.x[k * nx..(k + 1) * nx]);
+    full[nx..].copy_from_slice(z);
     let mut run = || -> Result<Outcome> {
-        engine.reinit(at.t[k], &at.x[k * nx..(k + 1) * nx])?;
+        engine.reinit(at.t[k], full)?;
         engine.set_params(&at.p[k * np..(k + 1) * np])?;
         engine.set_controls(&at.u[k * nu..(k + 1) * nu])?;
         engine.advance(at.t[k] + at.h[k])
     };
     outcome(run())?;
-    next.copy_from_slice(engine.state());
-    if next.iter().all(|v| v.is_finite()) {
+    let (own, algebraic) = engine.state().split_at(nx);
+    next.copy_from_slice(own);
+    if engine.state().iter().all(|v| v.is_finite()) {
+        z.copy_from_slice(algebraic);
         Ok(())
     } else {
         Err(EvalError::Recoverable)
@@ -61,8 +75,8 @@ fn simulate(engine: &mut Engine, at: &Starts, k: usize, [nx, nu, np]: [usize; 3]
 }
 
 impl EventStage {
-    /// `options` are those of the simulations; derivatives are added where they are needed.
-    pub fn new(system: &System, options: &Options) -> Result<EventStage> {
+    /// `options` are those of the simulations; derivatives are added where they are needed. `z` are first values of the algebraic states.
+    pub fn new(system: &System, options: &Options, z: Vec<f64>) -> Result<EventStage> {
         let with = |sensitivity: bool| Options {
             sensitivity: sensitivity.into(),
             dense: false,
@@ -70,16 +84,19 @@ impl EventStage {
             ..options.clone()
         };
         let d = system.dims();
+        let nx = d.x - z.len();
         Ok(EventStage {
             engine: Engine::stopping_for_all(system, &with(true))?,
             plain: Engine::stopping_for_all(system, &with(false))?,
-            nx: d.x,
+            nx,
+            z,
+            full: vec![0.0; d.x],
             nu: d.u,
             np: d.p,
             break_away: vec![None; d.u],
             reach: vec![[0.0; 3]; d.u],
-            a: vec![0.0; d.x * d.x],
-            b: vec![0.0; d.x * d.u],
+            a: vec![0.0; nx * nx],
+            b: vec![0.0; nx * d.u],
             evaluations: Evaluations::default(),
             failure: None,
         })
@@ -93,11 +110,14 @@ impl EventStage {
     fn derivatives(&mut self, at: &Starts, k: usize, next: &mut [f64], a: &mut [f64], b: &mut [f64]) -> EvalResult {
         let [nx, nu, np] = self.sizes();
         self.failure = None;
-        simulate(&mut self.engine, at, k, [nx, nu, np], next).inspect_err(|_| self.failure = Some(stopped(k)))?;
+        let algebraic = (&mut self.z[..], &mut self.full[..]);
+        simulate(&mut self.engine, at, k, [nx, nu, np], algebraic, next)
+            .inspect_err(|_| self.failure = Some(stopped(k)))?;
         let Some(s) = self.engine.sensitivity() else { return Err(EvalError::Recoverable) };
-        for (i, row) in s.chunks_exact(nx + np + nu).enumerate() {
+        let all = self.full.len();
+        for (i, row) in s.chunks_exact(all + np + nu).take(nx).enumerate() {
             (0..nx).for_each(|j| a[i + j * nx] = row[j]);
-            (0..nu).for_each(|j| b[i + j * nx] = row[nx + np + j]);
+            (0..nu).for_each(|j| b[i + j * nx] = row[all + np + j]);
         }
         if a.iter().chain(b.iter()).all(|v| v.is_finite()) {
             Ok(())
@@ -139,9 +159,10 @@ impl Stage for EventStage {
     fn values(&mut self, at: &Starts, next: &mut [f64]) -> EvalResult {
         let sizes = self.sizes();
         self.evaluations.values += 1;
-        let EventStage { plain, failure, nx, .. } = self;
+        let EventStage { plain, failure, nx, z, full, .. } = self;
         *failure = None;
-        let mut stage = |(k, x)| simulate(plain, at, k, sizes, x).inspect_err(|_| *failure = Some(stopped(k)));
+        let mut stage =
+            |(k, x)| simulate(plain, at, k, sizes, (z, full), x).inspect_err(|_| *failure = Some(stopped(k)));
         next.chunks_exact_mut(*nx).enumerate().try_for_each(&mut stage)
     }
 

@@ -188,7 +188,7 @@ fn dry(friction: f64) -> System {
 #[test]
 fn derivatives_of_stages_with_switches() {
     let options = crate::event::Options::with_tolerance(1e-12, 1e-12);
-    let mut stage = EventStage::new(&dry(0.3), &options).unwrap();
+    let mut stage = EventStage::new(&dry(0.3), &options, Vec::new()).unwrap();
     let starts = [
         [0.2, 0.05, 1.0, 0.1],
         [0.1, 0.2, -1.5, 0.3],
@@ -239,7 +239,7 @@ fn derivatives_of_stages_with_switches() {
 /// A mass that sticks breaks away where the force on it exceeds the friction: `u_0 + u_1² − p x = ± friction`.
 #[test]
 fn controls_that_stick_know_where_they_break_away() {
-    let mut stage = EventStage::new(&dry(0.3), &crate::event::Options::default()).unwrap();
+    let mut stage = EventStage::new(&dry(0.3), &crate::event::Options::default(), Vec::new()).unwrap();
     let (x, u, p) = ([0.5, 0.0], [0.3, 0.1], [0.8]);
     let at = Starts { x: &x, u: &u, p: &p, t: &[0.0], h: &[0.1] };
     stage.linearise(&at, &mut [0.0; 2], &mut [0.0; 4], &mut [0.0; 4], None).unwrap();

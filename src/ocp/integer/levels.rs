@@ -4,10 +4,10 @@ use crate::error::{Error, Result};
 use crate::ocp::{Durations, Ocp};
 
 /// The places of values in their lists, `[n_stages · n_choices]`.
-pub(super) type Sequence = Vec<u16>;
+pub(crate) type Sequence = Vec<u16>;
 
 /// A change of a sequence in some entries.
-pub(super) struct Change {
+pub(crate) struct Change {
     pub sequence: Sequence,
     /// Entries that are others now.
     pub entries: Vec<usize>,
@@ -22,9 +22,20 @@ struct Level {
     dwell: f64,
 }
 
+/// A value that was chosen before the first stage.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Held {
+    /// Its place in the list.
+    pub at: u16,
+    /// For how long it has been held.
+    pub time: f64,
+}
+
 /// What may be chosen.
-pub(super) struct Levels {
+pub(crate) struct Levels {
     all: Vec<Level>,
+    /// What every choice was before the first stage; nothing where that does not matter.
+    before: Vec<Option<Held>>,
     durations: Vec<f64>,
     nu: usize,
 }
@@ -62,7 +73,9 @@ impl Levels {
             }
             Ok(Level { control: c.control, values, dwell: c.dwell })
         });
-        Ok(Levels { all: all.collect::<Result<_>>()?, durations: ocp.durations.clone(), nu: ocp.system.dims().u })
+        let all = all.collect::<Result<Vec<Level>>>()?;
+        let before = vec![None; all.len()];
+        Ok(Levels { all, before, durations: ocp.durations.clone(), nu: ocp.system.dims().u })
     }
 
     /// Number of choices in a stage.
@@ -72,6 +85,16 @@ impl Levels {
 
     pub fn n_stages(&self) -> usize {
         self.durations.len()
+    }
+
+    /// A choice has had a value before the first stage.
+    pub fn set_before(&mut self, choice: usize, held: Option<Held>) {
+        self.before[choice] = held;
+    }
+
+    /// What a choice was before the first stage.
+    pub fn before(&self, choice: usize) -> Option<Held> {
+        self.before[choice]
     }
 
     /// The control of a choice.
@@ -134,11 +157,20 @@ impl Levels {
         out
     }
 
-    /// Is a run of these stages as long as the dwell time of its choice, or one that need not be?
-    fn is_long(&self, choice: usize, stages: std::ops::Range<usize>) -> bool {
-        let dwell = self.all[choice].dwell;
-        let ends = stages.start == 0 || stages.end == self.n_stages();
-        ends || dwell == 0.0 || self.durations[stages].iter().sum::<f64>() >= dwell * (1.0 - ROUNDING)
+    /// Is a run of the value at place `at` in these stages as long as the dwell time of its choice, or one that need not be? What was chosen before
+    /// the first stage counts, where it is known.
+    fn is_long(&self, choice: usize, stages: std::ops::Range<usize>, at: u16) -> bool {
+        let dwell = self.all[choice].dwell * (1.0 - ROUNDING);
+        let (is_last, mut time) = (stages.end == self.n_stages(), self.durations[stages.clone()].iter().sum::<f64>());
+        if stages.start == 0 {
+            match self.before[choice] {
+                None => return true,
+                Some(held) if held.at == at => time += held.time,
+                Some(held) if held.time < dwell => return false,
+                Some(_) => {}
+            }
+        }
+        is_last || time >= dwell
     }
 
     /// The first choice and the stages of a run that is too short.
@@ -146,8 +178,8 @@ impl Levels {
         (0..self.n()).filter(|&c| self.all[c].dwell > 0.0).find_map(|c| {
             let runs = self.runs(sequence, c);
             let ends = runs.iter().skip(1).map(|r| r.0).chain([self.n_stages()]);
-            let mut stages = runs.iter().map(|r| r.0).zip(ends).map(|(a, b)| a..b);
-            stages.find(|s| !self.is_long(c, s.clone())).map(|s| (c, s))
+            let mut stages = runs.iter().zip(ends).map(|(a, b)| (a.0..b, a.1));
+            stages.find(|(s, at)| !self.is_long(c, s.clone(), *at)).map(|(s, _)| (c, s))
         })
     }
 
@@ -159,13 +191,17 @@ impl Levels {
     /// May a sequence whose first stages are given go on in this way: does no run that has ended fall short?
     pub fn may_follow(&self, before: &[u16], next: &[u16]) -> bool {
         let k = before.len() / self.n();
-        (0..self.n()).filter(|&c| self.all[c].dwell > 0.0 && k > 0).all(|c| {
+        (0..self.n()).filter(|&c| self.all[c].dwell > 0.0).all(|c| {
+            if k == 0 {
+                // a run that goes on is long enough until it ends
+                return self.is_long(c, 0..self.n_stages(), next[c]);
+            }
             let at = |k: usize| before[k * self.n() + c];
             if at(k - 1) == next[c] {
                 return true;
             }
             let start = (0..k).rev().take_while(|&i| at(i) == at(k - 1)).last().unwrap_or(k - 1);
-            self.is_long(c, start..k)
+            self.is_long(c, start..k, at(k - 1))
         })
     }
 
@@ -196,10 +232,7 @@ impl Levels {
             let mut best = vec![vec![(f64::INFINITY, 0, 0); v]; n + 1];
             for end in 1..=n {
                 for start in 0..end {
-                    if !self.is_long(c, start..end) {
-                        continue;
-                    }
-                    for at in 0..v {
+                    for at in (0..v).filter(|at| self.is_long(c, start..end, *at as u16)) {
                         let others = (0..v).filter(|o| *o != at).map(|o| (best[start][o].0, o));
                         let (before, from) = match start {
                             0 => (0.0, at),
@@ -296,7 +329,7 @@ mod tests {
 
     fn levels(n: usize, values: &[f64], dwell: f64) -> Levels {
         let all = vec![Level { control: 0, values: values.to_vec(), dwell }];
-        Levels { all, durations: vec![0.5; n], nu: 1 }
+        Levels { all, before: vec![None], durations: vec![0.5; n], nu: 1 }
     }
 
     /// All sequences of one choice.
@@ -312,6 +345,29 @@ mod tests {
         assert!(l.is_held(&[1, 0, 0, 1, 1, 0]));
         assert_eq!(l.short_run(&[1, 0, 1, 1, 1, 1]), Some((0, 1..2)));
         assert!(!l.may_follow(&[0, 1], &[0]) && l.may_follow(&[0, 1], &[1]) && l.may_follow(&[1], &[0]));
+    }
+
+    /// What was chosen before the first stage is held for as long as it has to be, and a new value is.
+    #[test]
+    fn what_was_chosen_before_counts() {
+        let mut l = levels(4, &[0.0, 1.0], 1.0);
+        let held = |l: &Levels| all(4, 2).into_iter().filter(|s| l.is_held(s)).collect::<Vec<_>>();
+        l.set_before(0, Some(Held { at: 1, time: 0.5 }));
+        assert_eq!(held(&l), [[1, 0, 0, 0], [1, 0, 0, 1], [1, 1, 0, 0], [1, 1, 1, 0], [1, 1, 1, 1]]);
+        l.set_before(0, Some(Held { at: 1, time: 1.0 }));
+        assert_eq!(held(&l).iter().filter(|s| s[0] == 0).count(), 3);
+        assert!(held(&l).iter().all(|s| s[0] == 1 || s[1] == 0));
+        for time in [0.5, 1.0] {
+            l.set_before(0, Some(Held { at: 1, time }));
+            let mut begun = vec![Vec::new()];
+            for _ in 0..4 {
+                let on = |s: &Sequence, at: u16| l.may_follow(s, &[at]).then(|| [&s[..], &[at]].concat());
+                begun = begun.iter().flat_map(|s| [on(s, 0), on(s, 1)].into_iter().flatten()).collect();
+            }
+            assert_eq!(begun.into_iter().filter(|s| l.is_held(s)).collect::<Vec<_>>(), held(&l));
+            let near = l.nearest(&[0.0; 4]);
+            assert_eq!(near, if time < 1.0 { [1, 0, 0, 0] } else { [0; 4] });
+        }
     }
 
     #[test]

@@ -18,6 +18,8 @@ mod space;
 
 use std::time::Instant;
 
+pub(crate) use self::levels::{Held, Levels, Sequence};
+
 use self::enumerate::Simulated;
 use self::space::{Choices, Ended, Motion};
 use super::optimality::{Optimality, Verdict};

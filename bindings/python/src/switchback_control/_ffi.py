@@ -1037,6 +1037,7 @@ class swb_nmpc_options(Structure):
         ("elastic_price", c_double),
         ("flips", c_int64),
         ("hysteresis", c_double),
+        ("max_changes", c_int64),
     ]
 
 

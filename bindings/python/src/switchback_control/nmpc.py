@@ -141,17 +141,21 @@ class Nmpc(Handle):
     deadline       seconds a feedback may take
     tol            "asc" ends its iterations where states and controls change by less than this share of their size, "as_rti" where they
                    would change by less from then on, by the estimated contraction
+    max_changes    changes of the active set a feedback may make ("stagewise": Newton steps); 0: as many as it needs. What is left of them is
+                   made in the next preparation
     elastic_price  price of violations where constraints cannot all be met; 0: chosen by the controller
     qp_solver      "condensing": states eliminated, quadratic programs of short horizons. "stagewise": work linear in the number of
                    stages. "auto": the one with fewer operations
     rk_family, n_s, steps   the Runge-Kutta method of the predictions and its steps in every stage; by default as the settings
                    of the problem say, with its finite elements as steps
-    flips          systems that switch: alternatives to the plan at most, where a control moves nothing since the system sticks
+    flips          systems that switch: alternatives to the plan at most, where a control moves nothing since the system sticks; other
+                   sequences of controls that choose
     hysteresis     they are taken where their predicted cost is lower than that of the plan by more than this share
 
     The problem is copied as it is stated now. Costs along the horizon are summed over the starts of the stages, path constraints
-    hold there. Stages of systems that switch are simulated by events, with `rtol` and `atol` of the problem's settings; they take level
-    "d0" and every scheme but "mli". After an algebraic elimination `nx` counts the states that have a derivative: they are what is measured.
+    hold there. Controls that choose (`Model.choice`) keep to their values and dwell times; a sample counts as long as the first stage. Stages of
+    systems that switch or choose are simulated by events, with `rtol` and `atol` of the problem's settings;
+    they take level "d0" and every scheme but "mli". After an algebraic elimination `nx` counts the states that have a derivative: they are what is measured.
     """
 
     _kind = "nmpc"
@@ -173,6 +177,7 @@ class Nmpc(Handle):
         steps: int = 0,
         flips: int = 4,
         hysteresis: float = 0.01,
+        max_changes: int = 0,
     ):
         if not isinstance(ocp, Ocp):
             raise ArgumentError(f"a controller takes an Ocp, not {type(ocp).__name__}")
@@ -189,6 +194,7 @@ class Nmpc(Handle):
         options.tol, options.deadline = number(tol, "tol"), number(deadline, "deadline")
         options.elastic_price = number(elastic_price, "elastic_price")
         options.flips, options.hysteresis = index(flips, "flips"), number(hysteresis, "hysteresis")
+        options.max_changes = index(max_changes, "max_changes")
         self._create(ocp, ctypes.byref(options))
         self._functions = list(ocp._functions)
         self.np, self.horizon = ocp.np, ocp.horizon
