@@ -312,7 +312,8 @@ int main(void)
     AT(swb_nmpc_options, 11, elastic_price);
     AT(swb_nmpc_options, 12, flips);
     AT(swb_nmpc_options, 13, hysteresis);
-    CHECK(sizeof(swb_nmpc_options) == (size_t)8 * 14);
+    AT(swb_nmpc_options, 14, max_changes);
+    CHECK(sizeof(swb_nmpc_options) == (size_t)8 * 15);
     AT(swb_nmpc_info, 0, struct_size);
     AT(swb_nmpc_info, 1, ready);
     AT(swb_nmpc_info, 2, inner);

@@ -3735,8 +3735,8 @@ typedef struct swb_nmpc_options {
      */
     double elastic_price;
     /**
-     * Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks; at
-     * most 64.
+     * Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks, and
+     * other sequences of controls that choose; at most 64.
      */
     int64_t flips;
     /**

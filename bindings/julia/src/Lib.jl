@@ -1894,7 +1894,7 @@ Options of a controller; swb_nmpc_options_init sets the defaults.
 - `tol`: SWB_NMPC_SCHEME_ASC ends its iterations where states and controls change by less than this share of their size, SWB_NMPC_SCHEME_AS_RTI where they would change by less from then on, by the estimated contraction (10.18).
 - `deadline`: Seconds that swb_nmpc_feedback may take; infinite for as many as it needs.
 - `elastic_price`: Price per unit of violation where constraints cannot all be met; 0: a thousand times the cost of meeting them one by one.
-- `flips`: Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks; at most 64.
+- `flips`: Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks, and other sequences of controls that choose; at most 64.
 - `hysteresis`: Systems that switch: an alternative is taken where its predicted cost is lower than that of the plan by more than this share.
 - `max_changes`: Changes of the active set in swb_nmpc_feedback at most (SWB_NMPC_QP_STAGEWISE: Newton steps), 0 for as many as it needs. What is left of them is made in the next preparation.
 """
