@@ -385,8 +385,8 @@ fn wrong_statements_are_refused_with_words() {
     let mut o = Car::thesis().ocp();
     o.set_x0_bounds(&[0.0; 3], &[0.0, 0.0, 1.0]).unwrap();
     refused(&mut o, "state 2 is discrete");
-    let e = MultiPhase::new(vec![Car::thesis().ocp()]).map(|_| ()).unwrap_err();
-    assert!(matches!(e, Error::Unsupported(_)), "{e}");
+    let e = MultiPhase::new(vec![o]).unwrap().solve(&mut Control::default()).map(|_| ()).unwrap_err();
+    assert!(matches!(e, Error::State(_)) && e.to_string().contains("state 2 is discrete"), "{e}");
 }
 
 /// Two tanks, of which a pump empties the second from 0.8 down to 0.4: the least effort between two levels. All sequences next to the one that

@@ -217,7 +217,9 @@ impl Ocp {
         let mut kinks = Vec::new();
         let kink = Kink::without_derivatives;
         let ends = &stage_times(self.t0, &r.durations)[1..];
-        for j in &r.jumps {
+        // what happens at known times stays where it is
+        let timed = self.timed_transitions();
+        for j in r.jumps.iter().filter(|j| !timed[j.transition]) {
             let stage =
                 ends.iter().take(self.n_stages - 1).position(|t| (j.t - t).abs() <= AT_END * r.durations[j.stage]);
             kinks.extend(stage.map(|k| kink(k + 1, j.t, false)));
@@ -237,6 +239,14 @@ impl Ocp {
         };
         let compared = "the sequences of transitions next to it were tried, and none is better";
         Optimality::of_one_order(doubt, compared, r.residuals.dual, Vec::new(), kinks)
+    }
+
+    /// Which transitions are made at times that nothing changes, in stages that stay where they are.
+    fn timed_transitions(&self) -> Vec<bool> {
+        match self.time {
+            Durations::Fixed => self.system.timed_transitions(&self.free_params()),
+            _ => vec![false; self.system.transitions().len()],
+        }
     }
 
     /// Compares an answer with the simulation of its controls, transitions included; `beside` are states on the other side of events at the ends of

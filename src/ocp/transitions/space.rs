@@ -8,7 +8,7 @@ use super::guess::{self, Guess};
 use super::program::{Program, Solved};
 use crate::error::{Error, Result};
 use crate::event::Engine;
-use crate::fesd::{Durations, Sizes, Terminal};
+use crate::fesd::{Sizes, Terminal};
 use crate::func::Point;
 use crate::jumps::spread::misses;
 use crate::nlp::{Control, Outcome};
@@ -59,11 +59,6 @@ pub(super) struct Transitions<'a> {
 impl<'a> Transitions<'a> {
     pub fn new(ocp: &'a Ocp, last: Option<&'a OcpResult>, request: &Request) -> Result<Transitions<'a>> {
         let seed = ocp.settings.search_seed as u64;
-        let timed = match ocp.time {
-            Durations::Fixed => ocp.system.timed_transitions(&ocp.free_params()),
-            // stages end earlier or later
-            _ => vec![false; ocp.system.transitions().len()],
-        };
         Ok(Transitions {
             automaton: Automaton::new(&ocp.system, &ocp.x0_bounds[0], &ocp.x_bounds),
             sizes: ocp.sizes()?,
@@ -75,7 +70,7 @@ impl<'a> Transitions<'a> {
             largest: 0.0,
             last,
             first: None,
-            timed,
+            timed: ocp.timed_transitions(),
             ocp,
         })
     }
