@@ -13,6 +13,7 @@ mod breakaway;
 mod dynamics;
 mod impact;
 mod inertia;
+mod inverse;
 mod least_energy;
 mod least_norm;
 mod lemke;

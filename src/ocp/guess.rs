@@ -118,6 +118,12 @@ impl Ocp {
     /// A state at which the terminal constraints hold and terminal least squares vanish, near the initial one: minimal
     /// steps of Gauss and Newton. `None` where there is nothing to reach, or it is not reached.
     pub(super) fn target(&self) -> Option<Vec<f64>> {
+        self.target_with(&[])
+    }
+
+    /// The same where these functions of the states keep vanishing: equations that hold already are part of every step then.
+    pub(super) fn target_with(&self, held: &[&SharedFunction]) -> Option<Vec<f64>> {
+        let none = vec![0.0; held.iter().map(|f| f.n_out()).max().unwrap_or(0)];
         let d = self.system.dims();
         let mut x: Vec<f64> = middles(&self.x0_bounds);
         let start = x.clone();
@@ -134,6 +140,7 @@ impl Ocp {
                     .filter(|q| q.place == CostAt::Terminal)
                     .map(|q| (&q.f, &q.references[..], &q.references[..])),
             )
+            .chain(held.iter().map(|f| (*f, &none[..f.n_out()], &none[..f.n_out()])))
             .collect();
         let mut first = f64::NAN;
         for step in 0..=TARGET_STEPS {
@@ -148,7 +155,8 @@ impl Ocp {
                 for (i, v) in values.iter().enumerate() {
                     let miss = v.clamp(lower[i], upper[i]) - v;
                     let row: Vec<f64> = (0..d.x).map(|j| p.get(i, j).map_or(0.0, |k| jac[k])).collect();
-                    if miss != 0.0 && row.iter().any(|v| *v != 0.0) {
+                    let counts = miss != 0.0 || !held.is_empty() && lower[i] == upper[i];
+                    if counts && row.iter().any(|v| *v != 0.0) {
                         rows.push(row);
                         off.push(miss);
                     }

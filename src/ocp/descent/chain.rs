@@ -219,6 +219,14 @@ impl<'a> Chain<'a> {
         Ok(z)
     }
 
+    /// Variables of a single problem with controls that lead near states at the ends of its stages, see [`Shooting::track`].
+    pub fn track(&mut self, z: Vec<f64>, path: &[Vec<f64>]) -> Result<Option<Vec<f64>>> {
+        match &mut self.parts[..] {
+            [one] => one.track(z, path),
+            _ => Ok(None),
+        }
+    }
+
     /// Calls something with engines that know no derivatives.
     fn without_derivatives<T>(&mut self, call: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         self.parts.iter_mut().try_for_each(Shooting::exchange_plain)?;
@@ -304,5 +312,17 @@ impl Program for Chain<'_> {
 
     fn evaluate(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
         self.run(z, out, &mut |_, _| ())
+    }
+
+    fn evaluate_plain(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
+        self.without_derivatives(|s| s.evaluate(z, out))
+    }
+
+    fn evaluate_curved(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
+        self.parts.iter_mut().for_each(Shooting::begin_curvature);
+        let found = self.evaluate(z, out);
+        out.curvature.clear();
+        self.parts.iter_mut().for_each(|p| p.end_curvature(&mut out.curvature));
+        found
     }
 }

@@ -17,7 +17,7 @@ use crate::stop;
 pub(super) use chain::{Chain, Motion};
 pub(super) use order::{Log, ModeOrder};
 pub(super) use shooting::{Given, Preceding, Record, RowOf, Shooting, SAME_POINT};
-pub(super) use sqp::{look_around, minimise, restore, Lowest, Program, Values};
+pub(super) use sqp::{look_around, minimise, restore, Lowest, Program, Values, Watch};
 
 /// Simulations of the horizon of a descent at most.
 const EVALUATIONS: usize = 80;
@@ -222,7 +222,7 @@ fn lowest(shooting: &mut Shooting, mut z: Vec<f64>, restore: bool) -> Result<Opt
     let found = match if restore { sqp::restore(shooting, &z) } else { Ok(None) } {
         Ok(restored) => {
             z = restored.unwrap_or(z);
-            sqp::minimise(shooting, &z, EVALUATIONS)
+            sqp::minimise(shooting, &z, EVALUATIONS, &mut |_| false)
         }
         Err(e) => Err(e),
     };

@@ -1,6 +1,8 @@
 //! An optimal control problem in its controls, free lengths, parameters and initial states alone: states, cost, constraints and
 //! all derivatives come from an event-driven simulation (direct single shooting; derivatives through switches by (6.25)).
 
+mod track;
+
 use super::order::{Log, ModeOrder};
 use super::sqp::{Program, Values};
 use crate::error::Result;
@@ -87,6 +89,8 @@ pub(in crate::ocp) struct Shooting<'a> {
     order: Option<ModeOrder>,
     /// Derivatives by states and parameters on the way, while they are taken down.
     records: Option<Vec<Record>>,
+    /// Second derivatives of the cost by the variables with states and controls linear in them, while they are added up.
+    curvature: Option<DMatrix<f64>>,
     /// Steps of simulations so far.
     pub steps: usize,
     /// About the cost.
@@ -202,6 +206,7 @@ impl<'a> Shooting<'a> {
             goes_on: given.goes_on,
             order: given.order,
             records: None,
+            curvature: None,
             steps: 0,
             cost: given.cost,
             at: Places {
@@ -403,6 +408,23 @@ impl<'a> Shooting<'a> {
     /// The problem that is simulated.
     pub fn extended(&self) -> &Extended {
         self.e
+    }
+
+    /// Sizes of states and controls.
+    pub fn usual(&self) -> &Sizes {
+        &self.usual
+    }
+
+    /// Second derivatives of the cost by all variables are added up from here on.
+    pub(super) fn begin_curvature(&mut self) {
+        self.curvature = Some(DMatrix::zeros(self.at.all, self.at.all));
+    }
+
+    /// Adds what has been added up to `sum`, `[n · n]`, which may be empty, and ends that.
+    pub(super) fn end_curvature(&mut self, sum: &mut Vec<f64>) {
+        let Some(own) = self.curvature.take().filter(|c| c.iter().any(|v| *v > 0.0)) else { return };
+        sum.resize(own.len(), 0.0);
+        sum.iter_mut().zip(own.as_slice()).for_each(|(s, o)| *s += o);
     }
 
     /// Number of control stages.
@@ -686,6 +708,8 @@ impl<'a> Shooting<'a> {
         if moves {
             self.engine.whole_derivative(&mut rate);
         }
+        let cost = self.e.lagrange.as_ref();
+        self.add_curvature(cost, here, 0.5 * length);
         let steps = self.engine.stats().steps;
         let reached = length > 0.0 && matches!(self.engine.advance(end)?, event::Outcome::Reached);
         self.steps += self.engine.stats().steps - steps;
@@ -724,7 +748,42 @@ impl<'a> Shooting<'a> {
             let row = here.dx.row(1 + r).into_owned();
             here.du.row_mut(j).copy_from(&row);
         }
+        self.add_curvature(cost, here, 0.5 * length);
         Ok(true)
+    }
+
+    /// Adds the positive part of the second derivatives of a cost at a point, with this weight, where they are added up. Where it has none
+    /// nothing is added: they are a guess.
+    fn add_curvature(&mut self, f: Option<&SharedFunction>, here: &Here, weight: f64) {
+        let (Some(sum), Some(f)) = (self.curvature.as_mut(), f) else { return };
+        let (d, pattern) = (f.dims(), f.hess_pattern());
+        let at = Point { t: here.t, x: &here.x[1 + self.ramps.len()..], u: &here.u, p: &here.p };
+        let (mut entries, mut work) = (vec![0.0; pattern.nnz()], vec![0.0; f.work_len()]);
+        if f.hessian(&at, &[1.0], &mut entries, &mut work).is_err() || entries.iter().any(|v| !v.is_finite()) {
+            return;
+        }
+        let mut inputs: Vec<usize> =
+            (0..d.n_in()).flat_map(|j| pattern.rows(j).iter().flat_map(move |&i| [i, j])).collect();
+        inputs.sort_unstable();
+        inputs.dedup();
+        let place = |i: usize| inputs.binary_search(&i).unwrap_or(0);
+        let mut own = DMatrix::zeros(inputs.len(), inputs.len());
+        for j in 0..d.n_in() {
+            for (&i, v) in pattern.rows(j).iter().zip(&entries[pattern.range(j)]) {
+                (own[(place(i), place(j))], own[(place(j), place(i))]) = (*v, *v);
+            }
+        }
+        let mut eigen = own.symmetric_eigen();
+        eigen.eigenvalues.iter_mut().for_each(|v| *v = (weight * *v).max(0.0));
+        let by = |i: usize| match i {
+            i if i < d.x => here.dx.row(1 + self.ramps.len() + i).into_owned(),
+            i if i < d.x + d.u => here.du.row(i - d.x).into_owned(),
+            i if i < d.x + d.u + d.p => here.dp.row(i - d.x - d.u).into_owned(),
+            _ => here.dt.transpose(),
+        };
+        let rows: Vec<_> = inputs.iter().map(|&i| by(i)).collect();
+        let change = DMatrix::from_rows(&rows);
+        *sum += change.transpose() * eigen.recompose() * change;
     }
 
     /// Values of a function, their derivatives by the variables and what they are changed by when states and controls change by their
@@ -794,8 +853,10 @@ impl<'a> Shooting<'a> {
                 return Ok(None);
             }
             self.add_cost(self.e.grid_cost.as_ref(), &here, out);
+            self.add_curvature(self.e.grid_cost.as_ref(), &here, 1.0);
         }
         self.add_cost(self.e.mayer.as_ref(), &here, out);
+        self.add_curvature(self.e.mayer.as_ref(), &here, 1.0);
         out.cost += here.x[0];
         out.gradient.iter_mut().zip(here.dx.row(0).iter()).for_each(|(g, s)| *g += s);
         for c in &self.e.terminal {
@@ -854,6 +915,21 @@ impl Program for Shooting<'_> {
         out.clear(self.at.all);
         let start = self.begin(z);
         Ok(self.follow(z, &start, out)?.is_some() && out.is_finite())
+    }
+
+    fn evaluate_plain(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
+        self.exchange_plain()?;
+        let found = self.evaluate(z, out);
+        self.exchange_plain()?;
+        found
+    }
+
+    fn evaluate_curved(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
+        self.begin_curvature();
+        let found = self.evaluate(z, out);
+        out.curvature.clear();
+        self.end_curvature(&mut out.curvature);
+        found
     }
 }
 

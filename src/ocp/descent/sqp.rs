@@ -12,6 +12,7 @@
 
 use super::missed;
 use crate::error::{Error, Result};
+use crate::nlp::IterationInfo;
 use crate::qp::{Condensing, Price, QpSolution, QpSolver, QpStatus, Row, StageQp, Terms};
 
 /// What the box is at first, as a share of the sizes of the variables, and where it is too small to go on.
@@ -39,7 +40,7 @@ const PRICE: f64 = 10.0;
 const DEARER: f64 = 4.0;
 const DEAREST: f64 = 1e6;
 /// Share of what a constraint is usually changed by below which slopes are no measure of it.
-const FLAT: f64 = 1e-4;
+const FLAT: f64 = 1e-2;
 /// Growth of the slopes of a constraint from which it is scaled anew.
 const STEEPER: f64 = 4.0;
 /// Share of the violation that a step must promise to take away, or else violations become dearer.
@@ -50,6 +51,8 @@ const HELPED: f64 = 0.9;
 const PIECES: usize = 12;
 const PARALLEL: f64 = 0.999;
 const FAR: f64 = 100.0;
+/// Share of a known curvature that is added to it: combinations of variables may have none.
+const REGULAR: f64 = 1e-3;
 /// Least curvature along a step, relative to that of the model, of Powell's damping.
 const DAMPING: f64 = 0.2;
 
@@ -72,6 +75,9 @@ pub(in crate::ocp) struct Values {
     pub usual: Vec<f64>,
     /// Row by row, `[m · n]`.
     pub jacobian: Vec<f64>,
+    /// Second derivatives of the cost as far as they are known without those of what the variables lead to, none negative, `[n · n]`: of
+    /// [`Program::evaluate_curved`] only, else empty.
+    pub curvature: Vec<f64>,
 }
 
 impl Values {
@@ -99,6 +105,16 @@ pub(in crate::ocp) trait Program {
     fn row_bounds(&self) -> (&[f64], &[f64]);
     /// Values at a point; false where there are none.
     fn evaluate(&mut self, z: &[f64], out: &mut Values) -> Result<bool>;
+
+    /// The same without derivatives, where that costs less.
+    fn evaluate_plain(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
+        self.evaluate(z, out)
+    }
+
+    /// Values and derivatives with the curvature of the cost, where something is known of it.
+    fn evaluate_curved(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
+        self.evaluate(z, out)
+    }
 
     /// Values at a point; `None` where an evaluation fails, which says nothing of the problem.
     fn values_at(&mut self, z: &[f64]) -> Result<Option<Values>> {
@@ -168,6 +184,8 @@ struct Descent<'a> {
     unit: f64,
     slope: f64,
     row_unit: Vec<f64>,
+    /// What is known of the Hessian where a descent begins, or nothing.
+    curvature: Vec<f64>,
     qp: StageQp,
     solver: Condensing,
     /// Price of violations.
@@ -177,12 +195,20 @@ struct Descent<'a> {
     multipliers: Vec<f64>,
 }
 
-/// Descends from `z`, with at most `evaluations` evaluations. `None` where there are no values at `z`.
-pub(in crate::ocp) fn minimise(program: &mut dyn Program, z: &[f64], evaluations: usize) -> Result<Option<Lowest>> {
+/// Looks at the cost and the largest violation after a step; true where the descent is to be given up.
+pub(in crate::ocp) type Watch<'a> = &'a mut dyn FnMut(&IterationInfo) -> bool;
+
+/// Descends from `z`, with at most `evaluations` evaluations, unless `watch` gives it up. `None` where there are no values at `z`.
+pub(in crate::ocp) fn minimise(
+    program: &mut dyn Program,
+    z: &[f64],
+    evaluations: usize,
+    watch: Watch,
+) -> Result<Option<Lowest>> {
     let mut here = Values::default();
     let (lower, upper, _) = program.bounds();
     let z: Vec<f64> = z.iter().zip(lower.iter().zip(upper)).map(|(v, (l, u))| v.max(*l).min(*u)).collect();
-    if !program.evaluate(&z, &mut here)? {
+    if !program.evaluate_curved(&z, &mut here)? {
         return Ok(None);
     }
     let (rows, violated) = (here.rows.len(), unmet(program, &here));
@@ -207,7 +233,7 @@ pub(in crate::ocp) fn minimise(program: &mut dyn Program, z: &[f64], evaluations
     };
     descent.scale(&mut here);
     let before = here.clone();
-    let mut lowest = descent.run(&z, here, evaluations)?;
+    let mut lowest = descent.run(&z, here, evaluations, watch)?;
     // multipliers of constraints whose slopes vanish, as that of a speed which friction has brought to rest, are without bound: what
     // they make of a violation that counts as none is no gain
     lowest.violated = descent.violation(before.rows.iter().copied()).1;
@@ -322,8 +348,10 @@ impl<'a> Descent<'a> {
         let (n, m) = (size.len(), at.rows.len());
         let steepest = |g: &[f64]| g.iter().zip(&size).fold(0f64, |a, (g, s)| a.max((g * s).abs()));
         let unit = steepest(&at.gradient);
+        // where the slopes of a cost vanish, as those of an effort do where nothing is done, it is its curvature that says how large it is
+        let bends = at.curvature.iter().step_by(n + 1).zip(&size).fold(0f64, |a, (c, s)| a.max(0.5 * c * s * s));
         let of_rows: Vec<f64> = at.jacobian.chunks_exact(n.max(1)).map(steepest).collect();
-        let all = of_rows.iter().fold(unit, |a, b| a.max(*b));
+        let all = of_rows.iter().fold(unit.max(bends), |a, b| a.max(*b));
         if n == 0 || !(all > 0.0 && all.is_finite()) {
             return Ok(None);
         }
@@ -343,8 +371,10 @@ impl<'a> Descent<'a> {
         let (row_lower, row_upper) = (times(&row_lower, &row_unit), times(&row_upper, &row_unit));
         let solver = Condensing::new(&qp)?;
         let steepest = unit;
-        let unit = 1.0 / steepest.max(at.cost.abs()).max(f64::MIN_POSITIVE);
+        let unit = 1.0 / steepest.max(at.cost.abs()).max(bends).max(f64::MIN_POSITIVE);
+        let scaled = |(k, c): (usize, &f64)| c * unit * size[k / n] * size[k % n];
         Ok(Some(Descent {
+            curvature: at.curvature.iter().enumerate().map(scaled).collect(),
             program,
             n,
             m,
@@ -393,6 +423,16 @@ impl<'a> Descent<'a> {
             self.row_upper[i] /= slope;
             self.multipliers[i] *= slope;
         }
+    }
+
+    /// The merit of a point, infinite where it has none.
+    fn merit_at(&mut self, y: &[f64]) -> Result<f64> {
+        let z: Vec<f64> = y.iter().zip(&self.size).map(|(y, s)| y * s).collect();
+        let mut out = Values::default();
+        let found = self.program.evaluate_plain(&z, &mut out)?;
+        self.scale(&mut out);
+        let merit = self.merit(&out);
+        Ok(if found && merit.is_finite() { merit } else { f64::INFINITY })
     }
 
     fn evaluate(&mut self, y: &[f64], out: &mut Values) -> Result<bool> {
@@ -469,7 +509,7 @@ impl<'a> Descent<'a> {
         (-dot(&here.gradient, d) - 0.5 * curvature - kinks + self.price * (now - left), left)
     }
 
-    fn run(&mut self, z: &[f64], mut here: Values, evaluations: usize) -> Result<Lowest> {
+    fn run(&mut self, z: &[f64], mut here: Values, evaluations: usize, watch: Watch) -> Result<Lowest> {
         let mut y: Vec<f64> = z.iter().zip(&self.size).map(|(z, s)| z / s).collect();
         self.restart();
         let mut found = QpSolution::new(&self.qp);
@@ -503,10 +543,16 @@ impl<'a> Descent<'a> {
             if flat < flattest {
                 (flattest, certificate) = (flat, self.certificate(&found));
             }
+            let mut next = self.moved(&y, &found.u);
             if gain <= NOTHING {
+                // too little to be measured, but slopes at its end are smaller where the Hessian is right
+                spent += 1;
+                if gain > 0.0 && self.evaluate(&next, &mut there)? && self.merit(&there) <= self.merit(&here) {
+                    y = next;
+                    std::mem::swap(&mut here, &mut there);
+                }
                 break;
             }
-            let mut next = self.moved(&y, &found.u);
             spent += 1;
             let mut reached = self.evaluate(&next, &mut there)?;
             let mut ratio = if reached { (self.merit(&here) - self.merit(&there)) / gain } else { f64::NEG_INFINITY };
@@ -535,6 +581,11 @@ impl<'a> Descent<'a> {
             } else if reached {
                 // twice the distance at which the other piece begins, if it does within the step
                 radius = if self.remember(&y, &here, next, &there) { 0.5 * longest } else { radius };
+            }
+            let violation = self.violation(here.rows.iter().copied()).1;
+            let told = IterationInfo { iter: spent, objective: here.cost / self.unit, inf_pr: violation, ..Default::default() };
+            if watch(&told) {
+                break;
             }
         }
         let (multipliers, beside) = certificate;
@@ -590,7 +641,9 @@ impl<'a> Descent<'a> {
         }
         let corrected = self.moved(y, &second.u);
         let mut values = Values::default();
-        if self.evaluate(&corrected, &mut values)? {
+        // most of these fail, which values say without derivatives
+        let promises = (self.merit(here) - self.merit_at(&corrected)?) / gain > *ratio;
+        if promises && self.evaluate(&corrected, &mut values)? {
             let better = (self.merit(here) - self.merit(&values)) / gain;
             if better > *ratio {
                 (*ratio, *next, *there, *found) = (better, corrected, values, second);
@@ -631,11 +684,19 @@ impl<'a> Descent<'a> {
         y.iter().zip(d).zip(bounds).map(|((y, d), (l, u))| (y + d).max(*l).min(*u)).collect()
     }
 
-    /// The Hessian before anything is known of it: the steepest slope over the widest box.
+    /// The Hessian before steps have shown more of it: the curvature of the cost, and for what that says nothing of the steepest slope over the
+    /// widest box.
     fn restart(&mut self) {
-        self.qp.hess_u.fill(0.0);
-        let guess = self.slope.max(NOTHING) / WIDEST;
-        (0..self.n).for_each(|j| self.qp.hess_u[j * (self.n + 1)] = guess);
+        let (n, guess) = (self.n, self.slope.max(NOTHING) / WIDEST);
+        let h = &mut self.qp.hess_u;
+        match self.curvature.is_empty() {
+            true => h.fill(0.0),
+            false => h.copy_from_slice(&self.curvature),
+        }
+        let largest = h.iter().step_by(n + 1).fold(0f64, |m, d| m.max(*d));
+        for d in h.iter_mut().step_by(n + 1) {
+            *d += if *d > NOTHING * largest { REGULAR * *d } else { guess };
+        }
     }
 
     /// The damped update with what a step shows of the cost with the multipliers of the model; the first one measures the Hessian.
@@ -649,7 +710,7 @@ impl<'a> Descent<'a> {
             change.iter_mut().zip(rows).for_each(|(c, (a, b))| *c += mu * (a - b));
         }
         let (yy, ys) = (dot(&change, &change), dot(&change, &s));
-        if first && ys > 0.0 && (yy / ys).is_finite() {
+        if first && self.curvature.is_empty() && ys > 0.0 && (yy / ys).is_finite() {
             (0..n).for_each(|j| self.qp.hess_u[j * (n + 1)] = yy / ys);
         }
         let h = &mut self.qp.hess_u;
@@ -745,7 +806,7 @@ mod tests {
             rows: [vec![25.0, 40.0], vec![f64::INFINITY, 40.0]],
             f,
         };
-        let r = minimise(&mut program, &[1e-3, 5.0, 5e4, 1.0], 100).unwrap().unwrap();
+        let r = minimise(&mut program, &[1e-3, 5.0, 5e4, 1.0], 100, &mut |_| false).unwrap().unwrap();
         let mut at = Values::default();
         program.evaluate(&r.z, &mut at).unwrap();
         assert!((at.cost - 17.014_017_289).abs() < 1e-6, "{}", at.cost);
@@ -762,7 +823,7 @@ mod tests {
         };
         let free = |v: f64| vec![v; 2];
         let mut program = Given { lower: free(-10.0), upper: free(10.0), size: free(1.0), rows: Default::default(), f };
-        let r = minimise(&mut program, &[3.0, -2.0], 100).unwrap().unwrap();
+        let r = minimise(&mut program, &[3.0, -2.0], 100, &mut |_| false).unwrap().unwrap();
         let left = r.z[0].abs() + (r.z[1] - r.z[0]).powi(2);
         assert!(left < 1e-7 && r.stationary && r.kink, "{left} {r:?}");
     }
@@ -782,7 +843,7 @@ mod tests {
             let free = |v: f64| vec![v; 2];
             let rows = [vec![1.0], vec![1.0]];
             let mut program = Given { lower: free(-10.0), upper: free(10.0), size: free(1.0), rows, f };
-            let r = minimise(&mut program, &start, most).unwrap().unwrap();
+            let r = minimise(&mut program, &start, most, &mut |_| false).unwrap().unwrap();
             assert!((r.cost + 1.0).abs() < 1e-8 && r.violation < MET && r.stationary, "{start:?}: {r:?}");
         }
     }
@@ -796,7 +857,7 @@ mod tests {
         };
         let rows = [vec![0.0], vec![0.0]];
         let mut program = Given { lower: vec![0.0], upper: vec![2.0], size: vec![1.0], rows, f };
-        let r = minimise(&mut program, &[0.2], 30).unwrap().unwrap();
+        let r = minimise(&mut program, &[0.2], 30, &mut |_| false).unwrap().unwrap();
         assert!((r.z[0] - 1.0).abs() < 1e-6 && r.violation < MET, "{r:?}");
     }
 }

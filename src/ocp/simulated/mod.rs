@@ -10,6 +10,7 @@
 
 mod answer;
 mod derivatives;
+mod path;
 mod space;
 
 use std::time::Instant;
@@ -380,7 +381,7 @@ fn finish(chain: &mut Chain, mut lowest: Lowest, control: &mut Control, budget: 
             break;
         }
         let start = restore(chain, &lowest.z)?.unwrap_or_else(|| lowest.z.clone());
-        let Some(next) = descend(chain, &start, LAST, control)? else { break };
+        let Some(next) = descend(chain, &start, LAST, &mut |_| false, control)? else { break };
         budget.stats.iterations += next.evaluations;
         budget.stats.evaluations += next.evaluations;
         let gained = lowest.cost - next.cost > GAIN * lowest.cost.abs() || next.violation < 0.5 * lowest.violation;

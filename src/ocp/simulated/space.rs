@@ -4,14 +4,17 @@ use std::rc::Rc;
 
 use crate::error::{Error, Result};
 use crate::nlp::{Control, IterationInfo, Outcome};
-use crate::ocp::descent::{self, minimise, Chain, Lowest, Program, Values};
-use crate::ocp::{transitions, Ocp, OcpResult};
-use crate::search::{Budget, Candidate, Limits, Neighbour, Rank, Sampler, Source, Space};
+use crate::ocp::descent::{self, minimise, restore, Chain, Lowest, Program, Values, Watch};
+use crate::ocp::{stage_times, transitions, Ocp, OcpResult};
+use crate::search::{Budget, Candidate, EarlyTermination, Limits, Neighbour, Patience, Rank, Sampler, Source, Space};
 use crate::settings::Settings;
 use crate::stop;
 
 /// Simulations of the horizon of one descent at most.
 const EVALUATIONS: usize = 80;
+/// Violation from which one that has ended goes on while nothing else meets the constraints, and how often.
+const NEARLY: f64 = 0.1;
+const AGAIN: usize = 3;
 /// Violation of a constraint, relative to what the variables change it by, that counts as none.
 pub(super) const MET: f64 = 1e-6;
 
@@ -26,7 +29,11 @@ pub(super) struct Simulations<'a> {
     last: Option<&'a [OcpResult]>,
     /// Controls of every problem that are tried without a search, those that come first last.
     controls: Vec<Vec<[Vec<f64>; 2]>>,
+    /// Does a candidate lead along a way before all others?
+    follows: bool,
     sampler: Sampler,
+    /// The cost of the best solution, and of where its descent began how far that was from the constraints and its cost.
+    best: Option<(f64, [f64; 2])>,
 }
 
 /// Constant controls, at both ends of stages.
@@ -42,7 +49,8 @@ impl<'a> Simulations<'a> {
         let nth = |k: usize| each.iter().map(|c| constant(c.get(k).unwrap_or(&c[0]).clone())).collect();
         let controls = (0..most).rev().map(nth).collect();
         let sampler = Sampler::new(settings.search_seed as u64);
-        Simulations { chain, settings, last, controls, sampler }
+        let follows = chain.parts().iter().all(|p| p.ocp().u_guess.is_none());
+        Simulations { chain, settings, last, controls, follows, sampler, best: None }
     }
 
     fn candidate(&mut self, controls: &[[Vec<f64>; 2]]) -> Result<Candidate<Vec<u64>, Start>> {
@@ -55,15 +63,58 @@ impl<'a> Simulations<'a> {
         self.chain.steps().map(|s| s.1).collect()
     }
 
+    /// Controls that lead along states of the guess, or to such as meet the terminal constraints, where there are some.
+    fn following(&mut self, budget: &mut Budget) -> Result<Option<Candidate<Vec<u64>, Start>>> {
+        let only = std::mem::take(&mut self.follows) && self.chain.parts().len() == 1;
+        let Some(part) = self.chain.parts().first().filter(|_| only) else { return Ok(None) };
+        let ocp = part.ocp();
+        let u = ocp.driven(part.usual()).unwrap_or_else(|| ocp.within_bounds(ocp.control_guess()));
+        let way = ocp.way(&stage_times(0.0, &ocp.durations)[1..]);
+        let before = self.steps();
+        let z = self.chain.place(&[constant(u)])?;
+        let found = self.chain.track(z, &way)?;
+        self.count(&before, budget);
+        Ok(found.map(|z| Candidate::new(z.iter().map(|v| v.to_bits()).collect(), Rc::new(z))))
+    }
+
+    /// How far a simulation is from the constraints, and its cost; `None` where it fails.
+    fn place(&mut self, z: &Start, budget: &mut Budget) -> Result<Option<[f64; 2]>> {
+        let before = self.steps();
+        let values = self.chain.plain_at(z)?;
+        self.count(&before, budget);
+        Ok(values.map(|v| [missed(&self.chain, &v), v.cost]))
+    }
+
+    /// May a descent from here lead to less than the best one? Not where its start was no further from the constraints and no dearer.
+    fn promises(&self, place: &[f64; 2]) -> bool {
+        self.best.as_ref().is_none_or(|(_, best)| place[0] < best[0] || place[1] < best[1])
+    }
+
+    /// The next controls that are tried without a search.
+    fn next_controls(&mut self, budget: &mut Budget) -> Result<Option<Candidate<Vec<u64>, Start>>> {
+        if let Some(found) = self.following(budget)? {
+            return Ok(Some(found));
+        }
+        while let Some(controls) = self.controls.pop() {
+            let candidate = self.candidate(&controls)?;
+            let place = self.place(&candidate.motion, budget)?;
+            // what cannot be simulated leads nowhere
+            if place.is_some_and(|p| self.promises(&p)) {
+                return Ok(Some(candidate));
+            }
+        }
+        Ok(None)
+    }
+
     /// Counts the steps since there were `before`.
     fn count(&self, before: &[usize], budget: &mut Budget) {
         count(&self.chain, before, budget);
     }
 
-    /// Random controls, those first whose simulations miss the constraints least and cost least.
+    /// Random controls that promise something, those first whose simulations miss the constraints least and cost least.
     fn samples(&mut self, budget: &mut Budget) -> Result<Vec<Candidate<Vec<u64>, Start>>> {
         let ocps: Vec<&Ocp> = self.chain.parts().iter().map(|p| p.ocp()).collect();
-        let mut found: Vec<(f64, f64, Candidate<Vec<u64>, Start>)> = Vec::new();
+        let mut found: Vec<([f64; 2], Candidate<Vec<u64>, Start>)> = Vec::new();
         for _ in 0..self.settings.search_samples {
             if stop::requested().is_some() {
                 break;
@@ -74,16 +125,13 @@ impl<'a> Simulations<'a> {
                 constant(o.within_bounds(drawn))
             };
             let controls: Vec<[Vec<f64>; 2]> = ocps.iter().map(|o| draw(o)).collect();
-            let before = self.steps();
             let candidate = self.candidate(&controls)?;
-            let values = self.chain.plain_at(&candidate.motion)?;
-            self.count(&before, budget);
-            // what cannot be simulated leads nowhere
-            let Some(v) = values else { continue };
-            found.push((missed(&self.chain, &v), v.cost, candidate));
+            let Some(place) = self.place(&candidate.motion, budget)? else { continue };
+            found.push((place, candidate));
         }
-        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        Ok(found.into_iter().map(|f| f.2).collect())
+        found.retain(|(place, _)| self.promises(place));
+        found.sort_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        Ok(found.into_iter().map(|f| f.1).collect())
     }
 }
 
@@ -120,10 +168,7 @@ impl Space for Simulations<'_> {
                 }
                 None => Vec::new(),
             },
-            Source::Simulation => match self.controls.pop() {
-                Some(controls) => vec![self.candidate(&controls)?],
-                None => Vec::new(),
-            },
+            Source::Simulation => self.next_controls(budget)?.into_iter().collect(),
             Source::Samples if self.sampler.begin_round() => self.samples(budget)?,
             _ => Vec::new(),
         })
@@ -132,15 +177,37 @@ impl Space for Simulations<'_> {
     fn solve(
         &mut self,
         candidate: &Candidate<Vec<u64>, Start>,
-        _: Limits,
+        limits: Limits,
         budget: &mut Budget,
         control: &mut Control,
     ) -> Result<Vec<(Vec<u64>, Lowest)>> {
         let before = self.steps();
-        let found = descend(&mut self.chain, &candidate.motion, EVALUATIONS, control)?;
+        let mut watch = EarlyTermination::new(limits.cost, Patience::usual(limits.patience), MET);
+        // where nothing has a solution yet there is nothing better to do
+        let mut given_up = |i: &IterationInfo| limits.cost.is_finite() && watch.should_stop(i);
+        let mut found = descend(&mut self.chain, &candidate.motion, EVALUATIONS, &mut given_up, control)?;
+        // the first one that nearly meets the constraints goes on until it does: the others are compared with it
+        for _ in 0..AGAIN {
+            let Some(nearly) = found.as_mut().filter(|f| f.violation > MET && f.violation <= NEARLY) else { break };
+            if self.best.is_some() {
+                break;
+            }
+            let start = restore(&mut self.chain, &nearly.z)?.unwrap_or_else(|| nearly.z.clone());
+            let Some(mut next) = descend(&mut self.chain, &start, EVALUATIONS, &mut given_up, control)? else { break };
+            next.evaluations += nearly.evaluations;
+            let gained = next.violation < 0.5 * nearly.violation;
+            *nearly = next;
+            if !gained {
+                break;
+            }
+        }
         self.count(&before, budget);
         budget.stats.iterations += found.as_ref().map_or(1, |f| f.evaluations);
         budget.stats.evaluations += found.as_ref().map_or(1, |f| f.evaluations);
+        let better = |f: &&Lowest| f.violation <= MET && self.best.is_none_or(|(cost, _)| f.cost < cost);
+        if let Some(cost) = found.as_ref().filter(better).map(|f| f.cost) {
+            self.best = self.place(&candidate.motion, budget)?.map(|place| (cost, place));
+        }
         Ok(found.map(|f| (candidate.sequence.clone(), f)).into_iter().collect())
     }
 
@@ -160,14 +227,15 @@ impl Space for Simulations<'_> {
     }
 }
 
-/// A descent that is reported; nothing where it does not begin.
+/// A descent that is reported, unless `watch` gives it up; nothing where it does not begin.
 pub(super) fn descend(
     program: &mut dyn Program,
     z: &[f64],
     evaluations: usize,
+    watch: Watch,
     control: &mut Control,
 ) -> Result<Option<Lowest>> {
-    let found = minimise(program, z, evaluations)?;
+    let found = minimise(program, z, evaluations, watch)?;
     if let (Some(f), Some(monitor)) = (&found, control.monitor.as_mut()) {
         let told = IterationInfo { iter: f.evaluations, objective: f.cost, inf_pr: f.violation, ..Default::default() };
         if !monitor(&told) {

@@ -486,6 +486,12 @@ class World:
             self._scene = self._write()
         return self._scene
 
+    @property
+    def states(self) -> States:
+        """Expressions of the scene as it stands, for costs and constraints of optimal control: `states[body].position`,
+        `states[joint].q`, in the units of the world. Those of an older scene belong to no newer one."""
+        return self.scene._layout.read(self.scene.x, self.scene.u, self.scene.p, self.scene.t)
+
     def _stated(self) -> list[_Pair]:
         if self._pairs is not None:
             return self._pairs
