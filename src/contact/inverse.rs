@@ -36,7 +36,9 @@ impl Dynamics {
         let mut moved: Vec<Vec<f64>> = Vec::new();
         for (j, size) in columns.zip(size) {
             let mut by = vec![0.0; m.n_v];
-            for (&i, v) in pattern.rows(j).iter().zip(&entries[pattern.range(j)]).filter(|(i, _)| m.velocities().contains(i)) {
+            for (&i, v) in
+                pattern.rows(j).iter().zip(&entries[pattern.range(j)]).filter(|(i, _)| m.velocities().contains(i))
+            {
                 by[i - m.n_q] = v * size;
             }
             moved.push(by);
@@ -97,7 +99,8 @@ impl Dynamics {
             // contacts do not pull: those that would are open
             let pulls = |(j, k): &(usize, &usize)| **k >= n_u && !pushes[**k - n_u].pulls && found[*j] < 0.0;
             let before = kept.len();
-            let open: Vec<usize> = kept.iter().enumerate().filter(pulls).map(|(_, k)| pushes[k - n_u].contact).collect();
+            let open: Vec<usize> =
+                kept.iter().enumerate().filter(pulls).map(|(_, k)| pushes[k - n_u].contact).collect();
             kept.retain(|k| *k < n_u || !open.contains(&pushes[k - n_u].contact));
             if kept.len() == before {
                 let all: Vec<f64> = found.iter().take(n_u).zip(size).map(|(d, s)| d * s).collect();

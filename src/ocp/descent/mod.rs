@@ -17,7 +17,7 @@ use crate::stop;
 pub(super) use chain::{Chain, Motion};
 pub(super) use order::{Log, ModeOrder};
 pub(super) use shooting::{Given, Preceding, Record, RowOf, Shooting, SAME_POINT};
-pub(super) use sqp::{look_around, minimise, restore, Lowest, Program, Values, Watch};
+pub(super) use sqp::{look_around, minimise, restore, GiveUp, Lowest, Program, Values};
 
 /// Simulations of the horizon of a descent at most.
 const EVALUATIONS: usize = 80;

@@ -196,14 +196,14 @@ struct Descent<'a> {
 }
 
 /// Looks at the cost and the largest violation after a step; true where the descent is to be given up.
-pub(in crate::ocp) type Watch<'a> = &'a mut dyn FnMut(&IterationInfo) -> bool;
+pub(in crate::ocp) type GiveUp<'a> = &'a mut dyn FnMut(&IterationInfo) -> bool;
 
 /// Descends from `z`, with at most `evaluations` evaluations, unless `watch` gives it up. `None` where there are no values at `z`.
 pub(in crate::ocp) fn minimise(
     program: &mut dyn Program,
     z: &[f64],
     evaluations: usize,
-    watch: Watch,
+    watch: GiveUp,
 ) -> Result<Option<Lowest>> {
     let mut here = Values::default();
     let (lower, upper, _) = program.bounds();
@@ -509,7 +509,7 @@ impl<'a> Descent<'a> {
         (-dot(&here.gradient, d) - 0.5 * curvature - kinks + self.price * (now - left), left)
     }
 
-    fn run(&mut self, z: &[f64], mut here: Values, evaluations: usize, watch: Watch) -> Result<Lowest> {
+    fn run(&mut self, z: &[f64], mut here: Values, evaluations: usize, watch: GiveUp) -> Result<Lowest> {
         let mut y: Vec<f64> = z.iter().zip(&self.size).map(|(z, s)| z / s).collect();
         self.restart();
         let mut found = QpSolution::new(&self.qp);
@@ -583,7 +583,12 @@ impl<'a> Descent<'a> {
                 radius = if self.remember(&y, &here, next, &there) { 0.5 * longest } else { radius };
             }
             let violation = self.violation(here.rows.iter().copied()).1;
-            let told = IterationInfo { iter: spent, objective: here.cost / self.unit, inf_pr: violation, ..Default::default() };
+            let told = IterationInfo {
+                iter: spent,
+                objective: here.cost / self.unit,
+                inf_pr: violation,
+                ..Default::default()
+            };
             if watch(&told) {
                 break;
             }

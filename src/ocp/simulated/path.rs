@@ -69,7 +69,11 @@ impl Ocp {
         let contacts = m.contacts.iter().filter(|c| !c.kind.has_no_normal());
         let held: Vec<&SharedFunction> =
             contacts.filter(|c| !c.kind.opens() || closed(&c.gap)).map(|c| &c.gap).collect();
-        if held.is_empty() { None } else { self.target_with(&held) }
+        if held.is_empty() {
+            None
+        } else {
+            self.target_with(&held)
+        }
     }
 
     /// Controls `[n_stages · nu]` that move a scene along [`Ocp::way`] by inverse dynamics in the middle of every stage, within their bounds; those of the guess

@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use crate::error::{Error, Result};
 use crate::nlp::{Control, IterationInfo, Outcome};
-use crate::ocp::descent::{self, minimise, restore, Chain, Lowest, Program, Values, Watch};
+use crate::ocp::descent::{self, minimise, restore, Chain, GiveUp, Lowest, Program, Values};
 use crate::ocp::{stage_times, transitions, Ocp, OcpResult};
 use crate::search::{Budget, Candidate, EarlyTermination, Limits, Neighbour, Patience, Rank, Sampler, Source, Space};
 use crate::settings::Settings;
@@ -232,7 +232,7 @@ pub(super) fn descend(
     program: &mut dyn Program,
     z: &[f64],
     evaluations: usize,
-    watch: Watch,
+    watch: GiveUp,
     control: &mut Control,
 ) -> Result<Option<Lowest>> {
     let found = minimise(program, z, evaluations, watch)?;

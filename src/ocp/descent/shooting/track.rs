@@ -45,7 +45,8 @@ impl Shooting<'_> {
             for halved in 0..HALVED {
                 let mut there = z.clone();
                 for (&at, d) in moved.iter().zip(step.iter()) {
-                    there[at] = (z[at] + 0.5f64.powi(halved) * d * self.sizes[at]).max(self.lower[at]).min(self.upper[at]);
+                    there[at] =
+                        (z[at] + 0.5f64.powi(halved) * d * self.sizes[at]).max(self.lower[at]).min(self.upper[at]);
                 }
                 let found = self.end_of_stage(&there, k, here)?.map(|end| (self.off(&end, target), end, there));
                 better = found.filter(|(left, ..)| left.norm() < off.norm());
