@@ -105,6 +105,7 @@ NAVIGATION = """
       - Bounds that cannot be met: benchmarks/nmpc_infeasible.md
       - Linear algebra: benchmarks/linalg.md
       - Evaluation of models: benchmarks/model-eval.md
+      - Robots in optimal control: benchmarks/robots.md
       - Bodies in space: benchmarks/space.md
       - Calls from Python: benchmarks/python.md
   - For maintainers:

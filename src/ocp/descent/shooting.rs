@@ -766,6 +766,9 @@ impl<'a> Shooting<'a> {
             (0..d.n_in()).flat_map(|j| pattern.rows(j).iter().flat_map(move |&i| [i, j])).collect();
         inputs.sort_unstable();
         inputs.dedup();
+        if inputs.is_empty() {
+            return;
+        }
         let place = |i: usize| inputs.binary_search(&i).unwrap_or(0);
         let mut own = DMatrix::zeros(inputs.len(), inputs.len());
         for j in 0..d.n_in() {
