@@ -98,6 +98,7 @@ NAVIGATION = """
       - Scenes in optimal control: benchmarks/jumps.md
       - Paired comparisons: benchmarks/paired.md
       - Ingredients by tasks: benchmarks/matrix.md
+      - A control problem of every pair: benchmarks/pairs.md
       - Model predictive control: benchmarks/nmpc.md
       - Contraction of real-time iterations: benchmarks/nmpc_contraction.md
       - Quadratic programs of control: benchmarks/nmpc_qp.md
