@@ -42,8 +42,10 @@ fn nothing_is_allocated_after_creation() {
                 if level == Level::D2 && family != Family::Explicit {
                     continue;
                 }
-                for qp in [QpMethod::Condensing, QpMethod::Stagewise] {
+                let both = [QpMethod::Condensing, QpMethod::Stagewise];
+                for (qp, max_changes) in both.into_iter().flat_map(|qp| [(qp, 0), (qp, 2)]) {
                     let options = Options {
+                        max_changes,
                         scheme,
                         level,
                         inner: 2,
@@ -62,10 +64,37 @@ fn nothing_is_allocated_after_creation() {
                         c.feedback(&x, &mut u).unwrap();
                         c.finish();
                     }
-                    assert_eq!(count(), before, "{family:?} {scheme:?} {level:?} {qp:?}");
-                    assert!(c.monitor().sources[0] > 0 && c.monitor().sources[1] > 0, "{:?}", c.monitor().sources);
+                    assert_eq!(count(), before, "{family:?} {scheme:?} {level:?} {qp:?} {max_changes}");
+                    let [solved, soft, cut, ..] = c.monitor().sources;
+                    assert!(solved > 0 && soft + cut > 0 && (max_changes > 0 || soft > 0), "{:?}", c.monitor().sources);
                 }
             }
         }
+    }
+}
+
+/// Where controls choose only preparations allocate: sequences are compared there.
+#[test]
+fn feedbacks_that_choose_allocate_nothing() {
+    let g = Graph::new();
+    let dims = Dims { x: 2, u: 2, p: 0 };
+    let [a, w, on, push] = [g.x(0), g.x(1), g.u(0), g.u(1)];
+    let f: SharedFunction = Arc::new(g.function("f", dims, &[w, on + push - a]).unwrap());
+    let all: SharedFunction = Arc::new(g.function("all", dims, &[a - 0.5, w, push]).unwrap());
+    let mut system = System::new(2, 2, 0).unwrap();
+    system.set_f0(f).unwrap();
+    system.add_choice(0, &[0.0, 1.0], 0.2).unwrap();
+    let mut ocp = Ocp::new(&system, 0.6, 6, &Settings::default()).unwrap();
+    ocp.add_least_squares(all, &[1.0, 0.1, 0.01], &[0.0; 3], CostAt::Running).unwrap();
+    ocp.set_u_bounds(&[0.0, -0.3], &[1.0, 0.3]).unwrap();
+    let mut c = Nmpc::new(&ocp, &Options { shift: true, ..Options::default() }).unwrap();
+    let mut u = [0.0; 2];
+    c.initialise(&[0.0, 0.0], 50).unwrap();
+    for x in [[0.0, 0.0], [0.1, 0.3], [0.8, -0.3], [0.5, 0.0]] {
+        c.prepare(None).unwrap();
+        let before = count();
+        c.feedback(&x, &mut u).unwrap();
+        assert_eq!(count(), before);
+        assert!(u[0] == 0.0 || u[0] == 1.0, "{u:?}");
     }
 }

@@ -147,8 +147,9 @@ or the leg does not hop, of both loops.
 {table}
 ```
 
-The steps of `inner` are what a plan needs when a contact comes earlier or later than it was predicted. With one step instead of four the ball costs 6 to 11 % more than replanned.
-Feedbacks solve one quadratic program. Simulations of contacts are part of the preparation. The machine is shared: single times may be interruptions.
+The steps of `inner` are what a plan needs when a contact comes earlier or later than it was predicted.
+Feedbacks solve one quadratic program. Simulations of contacts are part of the preparation. Other programs shared the cores while this was measured: the slowest
+percent of times is theirs.
 """
 
 
