@@ -66,7 +66,8 @@ fn nothing_is_allocated_after_creation() {
                     }
                     assert_eq!(count(), before, "{family:?} {scheme:?} {level:?} {qp:?} {max_changes}");
                     let [solved, soft, cut, ..] = c.monitor().sources;
-                    assert!(solved > 0 && soft + cut > 0 && (max_changes > 0 || soft > 0), "{:?}", c.monitor().sources);
+                    let seen = if max_changes == 0 { solved > 0 && soft > 0 } else { cut > 0 };
+                    assert!(seen, "{:?}", c.monitor().sources);
                 }
             }
         }

@@ -487,10 +487,11 @@ impl Nmpc {
         has_solution(status, violated)
     }
 
-    /// Solves the prepared program for the state that is predicted, so that the feedback begins with an active set that is nearly its own: where rows could not
-    /// be met at the last sample it is far from that of any other program.
+    /// Solves the prepared program for the state that is predicted, so that the feedback begins with an active set that is nearly its own: where rows
+    /// could not be met at the last sample it is far from that of any other program, and where changes are bounded there are few of them to make.
     fn foresee(&mut self) {
-        if !self.violating || !self.lin.is_ready() || self.entry > self.n() {
+        let wanted = self.violating || (self.options.max_changes > 0 && self.seen);
+        if !wanted || !self.lin.is_ready() || self.entry > self.n() {
             return;
         }
         let nx = self.nx();

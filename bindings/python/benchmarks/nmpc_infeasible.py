@@ -208,8 +208,8 @@ trades a millionth of a bound for the cost of the others.
 Most feasible states have few active constraints. In infeasible ones most bounds of controls are active, and most rows of the first stages are violated. A dual method has to find them
 one by one, and an interior point needs as many iterations as it does without a guess.
 
-"The sample after it" begins at the state that was predicted, where that is infeasible, too. The preparation has solved its program for that state, so that the feedback has next to nothing
-to change.
+"The sample after it" begins at the state that was predicted, where that is infeasible, too. The preparation has solved its program for that state, and leaves the feedback one or two
+changes.
 
 ## With a bound on the changes of a feedback
 
