@@ -11,7 +11,7 @@ use super::iterate::Iterate;
 use super::linearise::{Linearisation, Model};
 use crate::error::Result;
 use crate::func::EvalError;
-use crate::ocp::{Held, Levels, Ocp, Sequence};
+use crate::ocp::{Levels, Ocp, PastChoice, Sequence};
 use crate::qp::StageQp;
 
 /// The choices of a problem.
@@ -85,7 +85,7 @@ impl Choosing {
                 Some(held) if held.at == at => held.time + self.sample,
                 Some(_) => self.sample,
             };
-            self.levels.set_before(c, Some(Held { at, time }));
+            self.levels.set_before(c, Some(PastChoice { at, time }));
         }
     }
 
@@ -94,7 +94,7 @@ impl Choosing {
         self.pass(u);
         for c in 0..self.levels.n() {
             if let Some(held) = self.levels.before(c) {
-                self.levels.set_before(c, Some(Held { time: self.sample, ..held }));
+                self.levels.set_before(c, Some(PastChoice { time: self.sample, ..held }));
             }
         }
     }

@@ -74,7 +74,7 @@ use std::sync::Arc;
 use self::accuracy::Replay;
 pub(crate) use self::extend::CostOf;
 use self::extend::{Complementarity, LeastSquares, Soft};
-pub(crate) use self::integer::{Held, Levels, Sequence};
+pub(crate) use self::integer::{Levels, PastChoice, Sequence};
 use self::solve::Built;
 
 use crate::error::{check_positive, finite, Error, Result};

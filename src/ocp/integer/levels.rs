@@ -24,7 +24,7 @@ struct Level {
 
 /// A value that was chosen before the first stage.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Held {
+pub(crate) struct PastChoice {
     /// Its place in the list.
     pub at: u16,
     /// For how long it has been held.
@@ -35,7 +35,7 @@ pub(crate) struct Held {
 pub(crate) struct Levels {
     all: Vec<Level>,
     /// What every choice was before the first stage; nothing where that does not matter.
-    before: Vec<Option<Held>>,
+    before: Vec<Option<PastChoice>>,
     durations: Vec<f64>,
     nu: usize,
 }
@@ -88,12 +88,12 @@ impl Levels {
     }
 
     /// A choice has had a value before the first stage.
-    pub fn set_before(&mut self, choice: usize, held: Option<Held>) {
+    pub fn set_before(&mut self, choice: usize, held: Option<PastChoice>) {
         self.before[choice] = held;
     }
 
     /// What a choice was before the first stage.
-    pub fn before(&self, choice: usize) -> Option<Held> {
+    pub fn before(&self, choice: usize) -> Option<PastChoice> {
         self.before[choice]
     }
 
@@ -352,13 +352,13 @@ mod tests {
     fn what_was_chosen_before_counts() {
         let mut l = levels(4, &[0.0, 1.0], 1.0);
         let held = |l: &Levels| all(4, 2).into_iter().filter(|s| l.is_held(s)).collect::<Vec<_>>();
-        l.set_before(0, Some(Held { at: 1, time: 0.5 }));
+        l.set_before(0, Some(PastChoice { at: 1, time: 0.5 }));
         assert_eq!(held(&l), [[1, 0, 0, 0], [1, 0, 0, 1], [1, 1, 0, 0], [1, 1, 1, 0], [1, 1, 1, 1]]);
-        l.set_before(0, Some(Held { at: 1, time: 1.0 }));
+        l.set_before(0, Some(PastChoice { at: 1, time: 1.0 }));
         assert_eq!(held(&l).iter().filter(|s| s[0] == 0).count(), 3);
         assert!(held(&l).iter().all(|s| s[0] == 1 || s[1] == 0));
         for time in [0.5, 1.0] {
-            l.set_before(0, Some(Held { at: 1, time }));
+            l.set_before(0, Some(PastChoice { at: 1, time }));
             let mut begun = vec![Vec::new()];
             for _ in 0..4 {
                 let on = |s: &Sequence, at: u16| l.may_follow(s, &[at]).then(|| [&s[..], &[at]].concat());

@@ -18,7 +18,7 @@ mod space;
 
 use std::time::Instant;
 
-pub(crate) use self::levels::{Held, Levels, Sequence};
+pub(crate) use self::levels::{Levels, PastChoice, Sequence};
 
 use self::enumerate::Simulated;
 use self::space::{Choices, Ended, Motion};
