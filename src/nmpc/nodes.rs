@@ -40,7 +40,8 @@ impl Nodes {
         let equations = if nz == 0 {
             Vec::new()
         } else {
-            let f0 = system.f0().map(|f| many(f, 0));
+            let smooth = system.f0().or(system.mechanics().map(|m| &m.smooth));
+            let f0 = smooth.map(|f| many(f, 0));
             f0.into_iter().chain(system.algebraic().map(|g| many(g, nx))).collect()
         };
         Nodes {

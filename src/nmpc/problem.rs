@@ -29,8 +29,9 @@ fn check(s: &Statement) -> Result<()> {
     if by_modes.flatten().any(|row| *row >= first) {
         return refuse("algebraic equations that switch: only rates may");
     }
-    if s.system.n_algebraic() > 0 && (!s.system.transitions().is_empty() || s.system.mechanics().is_some()) {
-        return refuse("algebraic equations next to transitions, clocks and contacts");
+    let weighed = s.system.mechanics().is_some_and(|m| m.n_switches > 0);
+    if s.system.n_algebraic() > 0 && (!s.system.transitions().is_empty() || weighed) {
+        return refuse("algebraic equations next to transitions, clocks and forces of scenes that switch");
     }
     if s.system.f0().is_none() && !switches(s) {
         return refuse("systems without a right-hand side");

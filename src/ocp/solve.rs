@@ -311,12 +311,17 @@ impl Ocp {
         self.better_by_simulations(request, control)
     }
 
-    /// Where a descent on simulations leads from an answer to less, and no search goes on from there, its end takes the place of the answer.
+    /// Where a program has no solution, or a descent on simulations leads from it to less, and no search goes on from there, the end of descents takes
+    /// its place.
     fn better_by_simulations(&mut self, request: &Request, control: &mut Control) -> Result<()> {
-        let is_bettered = |r: &OcpResult| r.optimality.as_ref().is_some_and(|o| o.verdict == Verdict::NotOptimal);
-        let Some(before) = self.result.clone().filter(|r| !self.has_search() && is_bettered(r)) else { return Ok(()) };
+        let none = |r: &OcpResult| matches!(r.outcome, Outcome::LocallyInfeasible | Outcome::Stalled);
+        let is_bettered =
+            |r: &OcpResult| none(r) || r.optimality.as_ref().is_some_and(|o| o.verdict == Verdict::NotOptimal);
+        let asked = request.start != OcpStart::Homotopy && request.comparison.is_some();
+        let may = asked && !self.has_search() && self.complementarity.is_empty();
+        let Some(before) = self.result.clone().filter(|r| may && is_bettered(r)) else { return Ok(()) };
         let solved = self.solve_simulated(Start::Warm, request, control);
-        let gained = |r: &OcpResult| r.is_exact() && r.priced < before.priced;
+        let gained = |r: &OcpResult| r.is_exact() && (!before.is_exact() || r.priced < before.priced);
         match solved {
             Ok(()) if self.result.as_ref().is_some_and(gained) => {
                 let spent = before.stats;
