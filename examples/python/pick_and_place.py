@@ -91,7 +91,6 @@ def main(folder):
     ax.set(xlabel="time", ylabel="torque")
     ax.legend()
     figure.savefig(folder / "python_pick_and_place.svg")
-    figure.savefig(folder / "python_pick_and_place.png", dpi=80)
 
 
 if __name__ == "__main__":

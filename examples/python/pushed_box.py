@@ -70,7 +70,6 @@ def main(folder):
         ax.set(xlabel="time", ylabel=word)
         ax.legend()
     figure.savefig(folder / "python_pushed_box.svg")
-    figure.savefig(folder / "python_pushed_box.png", dpi=80)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
 """Optimal control of robots by shooting, and how its cost grows with bodies and stages.
 
-usage: robots.py [--page] [--scale]
+usage: robots.py [--page] [--scale] [--draws SEED COUNT]
 
 Without options the problems of the examples; `--scale` a chain of carts with dry friction, with 4 to 32 carts and 20 to 320 stages. `--page` prints the tables as
-they stand in docs/benchmarks/robots.md.
+they stand in docs/benchmarks/robots.md. `--draws` solves chains drawn at random, within 8 s each; with the library of another build
+(SWITCHBACK_LIBRARY) both can be compared.
 """
 
 from __future__ import annotations
@@ -45,6 +46,42 @@ def chain(carts: int, stages: int, **options: Any) -> tuple[swb.Scene, swb.Ocp]:
     way = np.ones(carts) * 0.05 * stages
     ocp.add_terminal([*s.q, *s.v], [*way, *np.zeros(carts)], [*way, *np.zeros(carts)])
     return s, ocp
+
+
+def drawn(seed: int) -> swb.Ocp:
+    """A chain of one to four carts with masses, springs, friction, horizon, stages and bounds at random."""
+    draw = np.random.default_rng(seed)
+    n, stages, horizon = int(draw.integers(1, 5)), int(draw.integers(5, 25)), draw.uniform(1.0, 4.0)
+    s = swb.Scene(n, u=1 if n == 1 else 2)
+    spring, damper, masses = draw.uniform(1.0, 50.0), draw.uniform(0.1, 4.0), draw.uniform(0.5, 2.0, n)
+    s.inertia(np.diag(masses))
+    force = [0.0 * s.u[0]] * n
+    for i in range(n - 1):
+        pull = spring * (s.q[i + 1] - s.q[i]) + damper * (s.v[i + 1] - s.v[i])
+        force[i], force[i + 1] = force[i] + pull, force[i + 1] - pull
+    force[0] = force[0] + s.u[0]
+    if n > 1:
+        force[-1] = force[-1] + s.u[1]
+    s.force(force)
+    for i in range(n):
+        s.friction(f"cart {i + 1}", s.q[i], draw.uniform(0.05, 1.0))
+    tracks = draw.integers(3) == 1
+    draw.uniform()
+    ocp = swb.Ocp(s, horizon, stages, initial_state=np.zeros(2 * n), max_time=8.0)
+    ocp.set_lagrange(sum(u**2 for u in s.u) + (0.1 * s.q[0] ** 2 if tracks else 0.0))
+    at = draw.uniform(0.3, 2.0)
+    goal = [*[at] * n, *[0.0] * n]
+    ocp.add_terminal([*s.q, *s.v], goal, goal)
+    if draw.random() < 0.5:
+        ocp.set_control_bounds([-30.0] * len(s.u), [30.0] * len(s.u))
+    return ocp
+
+
+def draws(seed: int, count: int) -> None:
+    head(["seed", "cost", "verdict", "CPU s", "simulations"])
+    for k in range(seed, seed + count):
+        r, spent = solved(drawn(k))
+        row([k, f"{r.cost:.6g}", r.optimality.verdict if r.success else "no solution", f"{spent:.2f}", r.stats.iterations])
 
 
 def solved(ocp: swb.Ocp) -> tuple[Any, float]:
@@ -105,7 +142,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--page", action="store_true", help="both tables")
     parser.add_argument("--scale", action="store_true", help="the chain of carts")
+    parser.add_argument("--draws", nargs=2, type=int, metavar=("SEED", "COUNT"), help="chains drawn at random")
     given = parser.parse_args()
+    if given.draws:
+        draws(*given.draws)
+        return
     if given.page or not given.scale:
         problems()
         print()
