@@ -20,6 +20,8 @@ pub(super) const MET: f64 = 1e-6;
 
 /// Variables of a descent.
 type Start = Rc<Vec<f64>>;
+/// Where a descent may begin.
+type Proposal = Candidate<Vec<u64>, Start>;
 
 /// Controls, with lengths, parameters and initial states that are free.
 pub(super) struct Simulations<'a> {
@@ -53,7 +55,7 @@ impl<'a> Simulations<'a> {
         Simulations { chain, settings, last, controls, follows, sampler, best: None }
     }
 
-    fn candidate(&mut self, controls: &[[Vec<f64>; 2]]) -> Result<Candidate<Vec<u64>, Start>> {
+    fn candidate(&mut self, controls: &[[Vec<f64>; 2]]) -> Result<Proposal> {
         let z = self.chain.place(controls)?;
         Ok(Candidate::new(z.iter().map(|v| v.to_bits()).collect(), Rc::new(z)))
     }
@@ -64,7 +66,7 @@ impl<'a> Simulations<'a> {
     }
 
     /// Controls that lead along states of the guess, or to such as meet the terminal constraints, where there are some.
-    fn following(&mut self, budget: &mut Budget) -> Result<Option<Candidate<Vec<u64>, Start>>> {
+    fn following(&mut self, budget: &mut Budget) -> Result<Option<Proposal>> {
         let only = std::mem::take(&mut self.follows) && self.chain.parts().len() == 1;
         let Some(part) = self.chain.parts().first().filter(|_| only) else { return Ok(None) };
         let ocp = part.ocp();
@@ -91,7 +93,7 @@ impl<'a> Simulations<'a> {
     }
 
     /// The next controls that are tried without a search.
-    fn next_controls(&mut self, budget: &mut Budget) -> Result<Option<Candidate<Vec<u64>, Start>>> {
+    fn next_controls(&mut self, budget: &mut Budget) -> Result<Option<Proposal>> {
         if let Some(found) = self.following(budget)? {
             return Ok(Some(found));
         }
@@ -112,9 +114,9 @@ impl<'a> Simulations<'a> {
     }
 
     /// Random controls that promise something, those first whose simulations miss the constraints least and cost least.
-    fn samples(&mut self, budget: &mut Budget) -> Result<Vec<Candidate<Vec<u64>, Start>>> {
+    fn samples(&mut self, budget: &mut Budget) -> Result<Vec<Proposal>> {
         let ocps: Vec<&Ocp> = self.chain.parts().iter().map(|p| p.ocp()).collect();
-        let mut found: Vec<([f64; 2], Candidate<Vec<u64>, Start>)> = Vec::new();
+        let mut found: Vec<([f64; 2], Proposal)> = Vec::new();
         for _ in 0..self.settings.search_samples {
             if stop::requested().is_some() {
                 break;
@@ -159,7 +161,7 @@ impl Space for Simulations<'_> {
         _: Option<&Lowest>,
         budget: &mut Budget,
         _: &mut Control,
-    ) -> Result<Vec<Candidate<Vec<u64>, Start>>> {
+    ) -> Result<Vec<Proposal>> {
         Ok(match source {
             Source::Guess => match self.last.take() {
                 Some(last) => {
@@ -176,7 +178,7 @@ impl Space for Simulations<'_> {
 
     fn solve(
         &mut self,
-        candidate: &Candidate<Vec<u64>, Start>,
+        candidate: &Proposal,
         limits: Limits,
         budget: &mut Budget,
         control: &mut Control,
