@@ -52,8 +52,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "ocp",
         &[
-            "error", "stop", "settings", "log", "tableau", "linalg", "qp", "func", "nlp", "mpcc", "system", "dcs",
-            "event", "fesd", "search", "jumps", "sim",
+            "error", "stop", "settings", "log", "tableau", "linalg", "qp", "func", "nlp", "mpcc", "system", "contact",
+            "dcs", "event", "fesd", "search", "jumps", "sim",
         ],
     ),
     (
