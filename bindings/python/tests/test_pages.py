@@ -58,6 +58,8 @@ def test_limits_of_models():
     t = swb.Model(states="q")
     t.derivatives = [1]
     t.transition(t.q > 1, reset={t.q: 0})
+    assert swb.simulate_fesd(t, [0], 2, 10).success
+    t.stop_at(t.q > 0.9)
     refused(lambda: swb.simulate_fesd(t, [0], 2, 10))
     ocp = swb.Ocp(swb.Model.from_json(t.to_json()), horizon=1, n_stages=2, initial_state=[0])
     refused(lambda: swb.Nmpc(ocp, "rti"), swb.SwitchbackError)  # it has no controls
