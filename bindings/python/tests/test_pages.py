@@ -59,10 +59,10 @@ def test_limits_of_models():
     t.derivatives = [1]
     t.transition(t.q > 1, reset={t.q: 0})
     assert swb.simulate_fesd(t, [0], 2, 10).success
-    t.stop_at(t.q > 0.9)
-    refused(lambda: swb.simulate_fesd(t, [0], 2, 10))
     ocp = swb.Ocp(swb.Model.from_json(t.to_json()), horizon=1, n_stages=2, initial_state=[0])
     refused(lambda: swb.Nmpc(ocp, "rti"), swb.SwitchbackError)  # it has no controls
+    t.stop_at(t.q > 0.9)
+    refused(lambda: swb.simulate_fesd(t, [0], 2, 10))
 
 
 def test_limits_of_contacts():

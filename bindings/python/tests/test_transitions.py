@@ -122,5 +122,8 @@ def test_nonsense():
             s.add_transition(lambda x: x[0], **keywords)
     with pytest.raises(swb.ArgumentError, match="falling"):
         s.add_transition(lambda x: x[0], "up", to={1: 1})
+    stops = swb.Model(states="q")
+    stops.derivatives = [1]
+    stops.stop_at(stops.q > 1)
     with pytest.raises(swb.UnsupportedError, match="event-driven"):
-        swb.Simulator(thermostat())
+        swb.Simulator(stops.system())
