@@ -1,7 +1,6 @@
-//! Answers of projected systems judged by descents on simulations. The multipliers of their constraints are no subsystem with
-//! indicators that costates could be followed through; but the event-driven engine knows derivatives through constraints that come
-//! and go, and a descent in the controls alone says whether something is to be gained, kinks included. Where it gains, the mode program of the
-//! contacts that its end makes and breaks is solved from there.
+//! Answers of projected systems that descents on simulations better. The multipliers of their constraints are no subsystem with indicators that
+//! costates could be followed through, see [`descent`](super::descent). Where a descent gains, the mode program of the contacts that its end makes and
+//! breaks is solved from there.
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +9,7 @@ use super::adapt::Adaptation;
 use super::candidates::Candidates;
 use super::extend::Extended;
 use super::moves::Sequence;
-use super::optimality::{Kink, Optimality, Verdict, NONE as NO_SLOPE, OTHER};
+use super::optimality::Verdict;
 use super::portfolio::GAIN;
 use super::request::Request;
 use super::sequence::{Room, Traced, LOWEST, SAMPLES, TOLERANCE};
@@ -23,12 +22,6 @@ use crate::settings::OcpStart;
 use crate::stop;
 use crate::system::System;
 
-/// Why nothing is known of an answer whose gain may be the error of its discretisation.
-const WITHIN_ERROR: &str = "a descent on simulations gains no more than the answer is off its simulation";
-/// Why nothing is known of one that no descent begins at.
-const NO_DESCENT: &str = "no descent on simulations leads from the answer to one that meets the constraints";
-/// Multiples of the difference between an answer and its simulation that a gain must be to be one.
-const BEYOND_ERROR: f64 = 10.0;
 /// Multiple of the elements where an answer is too inaccurate for its simulation.
 const FINER: usize = 2;
 /// Random controls at most from which descents begin where an answer makes no contact.
@@ -41,46 +34,6 @@ impl Ocp {
     pub(super) fn system_with_cost(&self, e: &Extended) -> Result<System> {
         let system = self.projected.as_ref().unwrap_or(&e.system);
         with_cost(system, e.system.dims(), e.lagrange.as_ref(), &self.linear)
-    }
-
-    /// Judges an answer by a descent on simulations from it: of a program `b` that was discretised, or of another one.
-    pub(super) fn judge_by_descent(&self, r: &OcpResult, b: Option<&Built>) -> Result<Optimality> {
-        let found = match b {
-            Some(b) => self.lowest_from(b, r, &self.known_or_own_sizes()?)?,
-            None => self.lowest_of_simulated(r)?,
-        };
-        let Some((found, moved)) = found else { return Ok(Optimality::unknown(NO_DESCENT)) };
-        let own = r.priced;
-        // what the discretisation makes of the cost, in the unit of the gain
-        let error = (found.before - own).abs() / found.unit;
-        if error > NO_SLOPE.sqrt() {
-            return Ok(Optimality::unknown(OTHER));
-        }
-        let verdict = match (found.stationary, found.gain) {
-            (true, gain) if gain <= NO_SLOPE && found.kink => Verdict::Kink,
-            (true, gain) if gain <= NO_SLOPE => Verdict::LocalOptimum,
-            (_, gain) if gain > BEYOND_ERROR * error.max(found.violated) && gain > NO_SLOPE => Verdict::NotOptimal,
-            _ => return Ok(Optimality::unknown(if found.gain > NO_SLOPE { WITHIN_ERROR } else { NO_DESCENT })),
-        };
-        let kinks: Vec<Kink> = Vec::new();
-        let mut out = Optimality::of_one_order(None, "", found.gain, Vec::new(), kinks);
-        out.certify_by_descent(verdict);
-        if verdict == Verdict::NotOptimal {
-            out.reason = "a descent on simulations leads to less";
-            out.direction = moved.controls.iter().zip(&r.controls).map(|(a, b)| a - b).collect();
-        }
-        Ok(out)
-    }
-
-    /// What the conditions of an answer leave open, as a descent on simulations judges it, unless these are other motions or there is no time.
-    pub(super) fn or_by_descent(&self, known: Optimality, r: &OcpResult) -> Optimality {
-        if known.verdict != Verdict::Unknown || known.reason == OTHER || stop::requested().is_some() {
-            return known;
-        }
-        match self.judge_by_descent(r, None) {
-            Ok(found) if found.verdict != Verdict::Unknown => found,
-            _ => known,
-        }
     }
 
     /// As long as a descent on simulations leads from the last answer of a projected system to less, the mode program of the contacts at its end is

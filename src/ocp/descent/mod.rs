@@ -2,6 +2,7 @@
 //! follows, is bettered in its controls alone. What the descent ends at is the start of a mode program again.
 
 mod chain;
+mod judge;
 mod order;
 mod shooting;
 mod sqp;
