@@ -149,17 +149,17 @@ impl<'a> Chain<'a> {
         (start.t, start.dt) = (end.t, end.dt.clone());
         let ends = (end, before.n_front());
         if let Some(r) = start_of(&self.links[k - 1]) {
-            let found = through(r, &[ends], before.sizes_of_states());
+            let found = through(r, &[ends], &before.usual().x);
             let first = part.n_front();
             start.x[first..].copy_from_slice(&found.value);
             start.dx.rows_mut(first, found.value.len()).copy_from(&found.slopes);
             for (i, ..) in start_bounds(part.ocp()) {
                 out.rows.push(found.value[i]);
-                out.usual.push(part.sizes_of_states()[i]);
+                out.usual.push(part.usual().x[i]);
                 out.jacobian.extend(found.slopes.row(i).iter());
             }
         }
-        let sizes = [before.sizes_of_states(), part.sizes_of_states()].concat();
+        let sizes = [&before.usual().x[..], &part.usual().x].concat();
         for link in conditions(&self.links[k - 1]) {
             through(&link.f, &[ends, (&start, part.n_front())], &sizes).add_to(out);
         }

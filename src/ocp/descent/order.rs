@@ -103,3 +103,61 @@ impl ModeOrder {
         self.transitions == given.transitions && (!says || modes(self) == modes(given))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Kind;
+    use crate::func::{Callback, Dims};
+    use crate::system::{Regions, Subsystem};
+    use std::sync::Arc;
+
+    /// A subsystem with two modes.
+    fn system() -> System {
+        let d = Dims { x: 1, u: 0, p: 0 };
+        let f = |n: usize| Arc::new(Callback::new("f", d, n, |_, _| 0));
+        let mut s = System::new(1, 0, 0).unwrap();
+        let regions = Regions::Signs { psi: f(1), signs: vec![1, -1] };
+        s.add_subsystem(Subsystem { rows: vec![0], modes: f(2), n_modes: 2, regions }).unwrap();
+        s
+    }
+
+    fn switch(t: f64, before: usize, after: usize) -> Switch {
+        Switch {
+            t,
+            kind: Kind::Cross,
+            simultaneous: false,
+            subsystem: 0,
+            before: vec![before],
+            after: vec![after],
+            rate: 1.0,
+            transversality: 1.0,
+            unique: true,
+            dt: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn events_at_one_time_and_at_the_ends_are_no_phases() {
+        let switches =
+            [switch(1.0, 1, 0), switch(1.5, 0, 1), switch(1.5 + 1e-9, 1, 0), switch(2.0, 0, 1), switch(3.0, 1, 0)];
+        let log = Log { switches: &switches, contacts: &[], jumps: &[] };
+        let order = ModeOrder::of(&log, &system(), &|_| vec![0], [1.0, 3.0], 1e-6);
+        // the first one is at the start, the next two take each other back, the last one is at the end
+        let modes: Vec<(f64, Vec<bool>)> = vec![(0.0, vec![true, false]), (1.0, vec![false, true])];
+        assert_eq!(order.phases, modes);
+        let still = ModeOrder::of(&Log { switches: &[], ..log }, &system(), &|_| vec![1], [1.0, 3.0], 1e-6);
+        assert_eq!(still.phases, [(0.0, vec![false, true])]);
+        assert!(!still.is_like(&order) && order.is_like(&ModeOrder { phases: Vec::new(), ..order.clone() }));
+    }
+
+    #[test]
+    fn times_of_a_given_order_say_nothing() {
+        let of = |times: &[f64], modes: &[bool]| {
+            ModeOrder::given(&ModeSequence { times: times.to_vec(), modes: modes.to_vec(), ..ModeSequence::default() })
+        };
+        let a = of(&[0.0, 0.5], &[true, false, false, true]);
+        assert!(a.is_like(&of(&[0.0, 0.1, 0.7], &[true, false, true, false, false, true])));
+        assert!(!a.is_like(&of(&[0.0], &[true, false])));
+    }
+}

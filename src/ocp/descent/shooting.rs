@@ -395,11 +395,6 @@ impl<'a> Shooting<'a> {
         options(self.ocp, self.cost, &self.usual)
     }
 
-    /// Sizes of the states.
-    pub(super) fn sizes_of_states(&self) -> &[f64] {
-        &self.usual.x
-    }
-
     /// The problem as it was stated.
     pub fn ocp(&self) -> &'a Ocp {
         self.ocp
