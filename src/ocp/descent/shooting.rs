@@ -921,14 +921,6 @@ impl Program for Shooting<'_> {
         self.exchange_plain()?;
         found
     }
-
-    fn evaluate_curved(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
-        self.begin_curvature();
-        let found = self.evaluate(z, out);
-        out.curvature.clear();
-        self.end_curvature(&mut out.curvature);
-        found
-    }
 }
 
 #[cfg(test)]
