@@ -183,26 +183,25 @@ impl Simulator {
     fn first_passage(&mut self, watch: &mut Watch, mark: &Mark, r: &SimResult) -> Option<(usize, f64)> {
         let mut first: Option<(usize, f64)> = None;
         let (u, p) = (self.u.clone(), self.p.clone());
-        let mut x = mark.x.clone();
+        let (mut x, was_ready) = (mark.x.clone(), watch.ready.clone());
         for k in (0..watch.transitions.len()).filter(|k| watch.is_armed(*k, &mark.x)).collect::<Vec<_>>() {
-            let mut at = |watch: &mut Watch, t: f64, inside: bool| -> f64 {
-                match inside {
-                    true if r.trajectory.state(t, &mut x).is_err() => f64::NAN,
-                    true => watch.guard(k, &Point { t, x: &x, u: &u, p: &p }),
-                    false => watch.guard(k, &Point { t, x: &mark.x, u: &u, p: &p }),
+            let mut at = |t: f64| -> f64 {
+                match r.trajectory.state(t, &mut x) {
+                    Ok(()) => watch.guard(k, &Point { t, x: &x, u: &u, p: &p }),
+                    Err(_) => f64::NAN,
                 }
             };
-            let mut before = (mark.t, at(watch, mark.t, false));
-            let mut ready = watch.ready[k];
+            // where the guard goes back behind the passage of another one, it has not been back: what lasts is seen at the next start
+            let (mut before, mut ready) = (mark.t, was_ready[k]);
             'elements: for e in &r.trajectory.elements[mark.elements..] {
                 for c in &r.trajectory.tableau().c {
                     let t = e.t + c * e.h;
-                    let g = at(watch, t, true);
-                    if ready && g > 0.0 && t > before.0 {
-                        let (mut low, mut high) = (before.0, t);
+                    let g = at(t);
+                    if ready && g > 0.0 && t > before {
+                        let (mut low, mut high) = (before, t);
                         for _ in 0..HALVINGS {
                             let middle = 0.5 * (low + high);
-                            match at(watch, middle, true) > 0.0 {
+                            match at(middle) > 0.0 {
                                 true => high = middle,
                                 false => low = middle,
                             }
@@ -213,11 +212,8 @@ impl Simulator {
                         break 'elements;
                     }
                     ready |= g < 0.0;
-                    before = (t, g);
+                    before = t;
                 }
-            }
-            if first.is_none_or(|f| f.0 != k) {
-                watch.ready[k] |= ready && first.is_none();
             }
         }
         first

@@ -94,3 +94,20 @@ def test_what_it_does_not_follow_it_says():
     m.derivatives = [1.0 + 0 * m.pos]
     s = m.system()
     assert not swb.simulate_fesd(s, s._start([0.0], "x0"), 1.0, 2).success
+
+
+def test_a_guard_that_goes_back_behind_another_passage_is_not_back():
+    """A count is made once while its condition holds, though the same step goes on to where it does not."""
+    m = swb.Model(states="down up count")
+    d = m.discrete("d", 0)
+    m.transition(m.down > 0.5, when={}, reset={m.count: m.count + 1})
+    m.transition(m.up > 0.2, when={d: 0}, to={d: 1})
+    m.derivatives = [-1.0 + 0 * m.down, 1.0 + 0 * m.up, 0 * m.count]
+    s = m.system()
+    x0 = s._start([1.0, 0.0, 0.0], "x0")
+    exact = swb.simulate(m, [1.0, 0.0, 0.0], 1.0)
+    for steps in (1, 2, 3):
+        r = swb.simulate_fesd(s, x0, 1.0, steps)
+        assert r.success
+        np.testing.assert_allclose(r.state, exact.x_end, atol=1e-9)
+    assert exact.x_end[2] == 1.0
