@@ -70,6 +70,7 @@ impl Ocp {
         self.system.check_without_choices("optimal control with contacts")?;
         let request = Request::from_settings(&self.settings)?;
         self.complete_params()?;
+        self.simulated.last = None;
         let result = memory::bounded(self.settings.max_memory, || {
             bounded(&request, control, |control| self.run_scene(start, &request, control))
         })?;

@@ -276,6 +276,7 @@ impl Ocp {
         }
         let request = Request::from_settings(&self.settings)?;
         self.complete_params()?;
+        self.simulated.last = None;
         if start != Start::Warm {
             self.inside.clear();
             // where constraints are violated in a simulation must not depend on the answer that its tolerances were made for
@@ -296,7 +297,6 @@ impl Ocp {
 
     /// Solves where no choice is open, on one grid or several, and looks at what grids do not show.
     pub(super) fn solve_chosen(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<()> {
-        self.simulated.last = None;
         if self.is_simulated() {
             return self.solve_simulated(start, request, control);
         }
@@ -322,21 +322,22 @@ impl Ocp {
         let Some(before) = self.result.clone().filter(|r| may && is_bettered(r)) else { return Ok(()) };
         let solved = self.solve_simulated(Start::Warm, request, control);
         let gained = |r: &OcpResult| r.is_exact() && (!before.is_exact() || r.priced < before.priced);
-        match solved {
-            Ok(()) if self.result.as_ref().is_some_and(gained) => {
-                let spent = before.stats;
-                if let Some(r) = self.result.as_mut() {
-                    r.stats.add(&spent);
-                    r.stats.time_total += spent.time_total;
-                }
-            }
-            // the answer before stays one
-            Ok(()) | Err(Error::Interrupted | Error::OutOfTime | Error::Unsupported(_) | Error::Numeric(_)) => {
-                self.simulated.last = None;
-                self.result = Some(before);
-            }
+        let found = match solved {
+            Ok(()) => self.result.take(),
+            Err(Error::Interrupted | Error::OutOfTime | Error::Unsupported(_) | Error::Numeric(_)) => None,
             Err(e) => return Err(e),
+        };
+        let mut stats = before.stats;
+        if let Some(r) = &found {
+            stats.add(&r.stats);
+            stats.time_total += r.stats.time_total;
         }
+        // else the answer before stays one
+        let better = found.filter(gained);
+        if better.is_none() {
+            self.simulated.last = None;
+        }
+        self.result = Some(OcpResult { stats, ..better.unwrap_or(before) });
         Ok(())
     }
 

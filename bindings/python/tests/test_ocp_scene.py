@@ -295,3 +295,13 @@ def test_multipliers_with_contacts_are_derivatives():
         other.set_control_guess(r.controls)
         costs.append(other.solve().cost)
     assert m.costates[0][0] == pytest.approx((costs[0] - costs[1]) / 2e-4, rel=1e-2, abs=1e-3)
+    # those of the next solve are its own
+    ocp.set_initial_state([0.5, 1, 0, 0])
+    ocp.set_control_guess(r.controls)
+    ocp.solve()
+    other = puck()
+    other.set_initial_state([0.5, 1, 0, 0])
+    other.set_control_guess(r.controls)
+    other.solve()
+    assert ocp.multipliers().costates[0] == pytest.approx(other.multipliers().costates[0], rel=1e-6, abs=1e-6)
+    assert ocp.multipliers().costates[0][0] != pytest.approx(m.costates[0][0], rel=0.05)
