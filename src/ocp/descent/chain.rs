@@ -38,8 +38,8 @@ pub(in crate::ocp) struct Chain<'a> {
 /// A simulation of one of the problems with all its events and dense output.
 pub(in crate::ocp) struct Motion {
     pub run: Run,
-    /// Modes at the end of every subsystem that switches.
-    pub active: Vec<Vec<usize>>,
+    /// Its modes by the times from its start at which they begin.
+    pub phases: Vec<(f64, Vec<bool>)>,
     /// The state a little behind the end, where there is an event before that.
     pub behind: Option<Vec<f64>>,
     pub cost: f64,
@@ -249,17 +249,22 @@ impl<'a> Chain<'a> {
             usual.push(p.exchange(tracing));
         }
         let found = self.values_at(z);
-        let engines: Vec<event::Engine> = self.parts.iter_mut().zip(usual).map(|(p, e)| p.exchange(e)).collect();
+        let mut start = self.parts[0].ocp().t0;
+        let traced = |(p, usual): (&mut Shooting, event::Engine)| {
+            let end = p.time();
+            let phases = p.order_of_motion(std::mem::replace(&mut start, end), end).phases;
+            (p.exchange(usual), phases)
+        };
+        let engines: Vec<_> = self.parts.iter_mut().zip(usual).map(traced).collect();
         let found = found?;
         let mut motions = Vec::with_capacity(engines.len());
-        for ((mut engine, p), &cost) in engines.into_iter().zip(&self.parts).zip(&self.costs) {
-            let active = (0..p.ocp().system.mode_counts().len()).map(|k| engine.active(k)).collect();
+        for (((mut engine, phases), p), &cost) in engines.into_iter().zip(&self.parts).zip(&self.costs) {
             let run = engine.take_run();
             let end = run.t + more * p.ocp().horizon / p.n_stages() as f64;
             let goes_on = found.is_some() && matches!(engine.advance(end), Ok(event::Outcome::Reached));
             let events = [engine.jumps().len(), engine.impacts().len(), engine.switches().len(), engine.phases().len()];
             let behind = (goes_on && events.iter().any(|n| *n > 0)).then(|| engine.state().to_vec());
-            motions.push(Motion { run, active, behind, cost });
+            motions.push(Motion { run, phases, behind, cost });
         }
         Ok((motions, found))
     }

@@ -16,7 +16,7 @@ use crate::fesd::Sizes;
 use crate::random::SplitMix64;
 use crate::stop;
 pub(super) use chain::{Chain, Motion};
-pub(super) use order::{Log, ModeOrder};
+pub(super) use order::ModeOrder;
 pub(super) use shooting::{Given, Preceding, Record, RowOf, Shooting, SAME_POINT};
 pub(super) use sqp::{look_around, minimise, restore, GiveUp, Lowest, Program, Values};
 

@@ -1,6 +1,6 @@
 //! Modes of a simulation as they follow each other, and its transitions.
 
-use crate::event::{Engine, Jump, Phase, Run, Switch};
+use crate::event::{Engine, Jump, Phase, Switch};
 use crate::ocp::ModeSequence;
 use crate::system::System;
 
@@ -12,21 +12,25 @@ pub(in crate::ocp) struct ModeOrder {
     pub transitions: Vec<usize>,
 }
 
+/// Where the modes of a system stand.
+pub(in crate::ocp) struct Layout {
+    /// Modes of every subsystem that switches, see [`System::mode_counts`].
+    counts: Vec<usize>,
+    /// The first subsystem that is a contact.
+    contacts: usize,
+}
+
+impl Layout {
+    pub fn of(system: &System) -> Layout {
+        Layout { counts: system.mode_counts(), contacts: system.n_switching() }
+    }
+}
+
 /// What a simulation has taken down.
-pub(in crate::ocp) struct Log<'a> {
+struct Log<'a> {
     switches: &'a [Switch],
     contacts: &'a [Phase],
     jumps: &'a [Jump],
-}
-
-impl<'a> Log<'a> {
-    pub fn of_engine(e: &'a Engine) -> Log<'a> {
-        Log { switches: e.switches(), contacts: e.phases(), jumps: e.jumps() }
-    }
-
-    pub fn of_run(r: &'a Run) -> Log<'a> {
-        Log { switches: &r.switches, contacts: &r.phases, jumps: &r.jumps }
-    }
 }
 
 impl ModeOrder {
@@ -45,18 +49,23 @@ impl ModeOrder {
         }
     }
 
-    /// That of a simulation from `t0` to `end`, whose active modes at the end `last` says for every subsystem that switches. Events within `same` are one.
-    pub fn of(
+    /// That of the last simulation of an engine, from `t0` to `end`. Events within `same` are one.
+    pub fn of(engine: &Engine, layout: &Layout, span: [f64; 2], same: f64) -> ModeOrder {
+        let log = Log { switches: engine.switches(), contacts: engine.phases(), jumps: engine.jumps() };
+        ModeOrder::of_log(&log, layout, &|k| engine.active(k), span, same)
+    }
+
+    /// The same of what was taken down, where `last` says the active modes of every subsystem at the end.
+    fn of_log(
         log: &Log,
-        system: &System,
+        Layout { counts, contacts }: &Layout,
         last: &dyn Fn(usize) -> Vec<usize>,
         [t0, end]: [f64; 2],
         same: f64,
     ) -> ModeOrder {
-        let counts = system.mode_counts();
         let firsts: Vec<usize> = counts.iter().scan(0, |sum, n| Some(std::mem::replace(sum, *sum + n))).collect();
         let n_contacts = log.contacts.first().map_or(0, |p| p.modes.len());
-        let contacts = system.n_switching()..system.n_switching() + n_contacts;
+        let contacts = *contacts..contacts + n_contacts;
         let mut modes = vec![false; counts.iter().sum()];
         let set = |modes: &mut [bool], k: usize, active: &[usize]| {
             let Some((first, n)) = firsts.get(k).zip(counts.get(k)) else { return };
@@ -142,11 +151,12 @@ mod tests {
         let switches =
             [switch(1.0, 1, 0), switch(1.5, 0, 1), switch(1.5 + 1e-9, 1, 0), switch(2.0, 0, 1), switch(3.0, 1, 0)];
         let log = Log { switches: &switches, contacts: &[], jumps: &[] };
-        let order = ModeOrder::of(&log, &system(), &|_| vec![0], [1.0, 3.0], 1e-6);
+        let layout = Layout::of(&system());
+        let order = ModeOrder::of_log(&log, &layout, &|_| vec![0], [1.0, 3.0], 1e-6);
         // the first one is at the start, the next two take each other back, the last one is at the end
         let modes: Vec<(f64, Vec<bool>)> = vec![(0.0, vec![true, false]), (1.0, vec![false, true])];
         assert_eq!(order.phases, modes);
-        let still = ModeOrder::of(&Log { switches: &[], ..log }, &system(), &|_| vec![1], [1.0, 3.0], 1e-6);
+        let still = ModeOrder::of_log(&Log { switches: &[], ..log }, &layout, &|_| vec![1], [1.0, 3.0], 1e-6);
         assert_eq!(still.phases, [(0.0, vec![false, true])]);
         assert!(!still.is_like(&order) && order.is_like(&ModeOrder { phases: Vec::new(), ..order.clone() }));
     }

@@ -3,7 +3,7 @@
 
 mod track;
 
-use super::order::{Log, ModeOrder};
+use super::order::{Layout, ModeOrder};
 use super::sqp::{Program, Values};
 use crate::error::Result;
 use crate::event::{self, Engine};
@@ -87,6 +87,7 @@ pub(in crate::ocp) struct Shooting<'a> {
     goes_on: bool,
     /// The order of modes and transitions that a motion has to have.
     order: Option<ModeOrder>,
+    layout: Layout,
     /// Derivatives by states and parameters on the way, while they are taken down.
     records: Option<Vec<Record>>,
     /// Second derivatives of the cost by the variables with states and controls linear in them, while they are added up.
@@ -205,6 +206,7 @@ impl<'a> Shooting<'a> {
             timed: e.system.depends_on_time(),
             goes_on: given.goes_on,
             order: given.order,
+            layout: Layout::of(&ocp.system),
             records: None,
             curvature: None,
             steps: 0,
@@ -378,6 +380,11 @@ impl<'a> Shooting<'a> {
         };
         self.plain = Some(self.exchange(plain));
         Ok(())
+    }
+
+    /// The time that the last simulation has reached.
+    pub(super) fn time(&self) -> f64 {
+        self.engine.time()
     }
 
     /// Simulates by another engine, until the one before comes back.
@@ -868,9 +875,8 @@ impl<'a> Shooting<'a> {
     }
 
     /// Modes and transitions of the last simulation.
-    fn order_of_motion(&self, t0: f64, end: f64) -> ModeOrder {
-        let active = |k: usize| self.engine.active(k);
-        ModeOrder::of(&Log::of_engine(&self.engine), &self.ocp.system, &active, [t0, end], self.ocp.same_time())
+    pub(super) fn order_of_motion(&self, t0: f64, end: f64) -> ModeOrder {
+        ModeOrder::of(&self.engine, &self.layout, [t0, end], self.ocp.same_time())
     }
 
     fn add_rows(&mut self, f: &SharedFunction, here: &Here, out: &mut Values) {

@@ -69,8 +69,8 @@ impl PhasedChoices {
         self.levels.iter().zip(self.parts(sequence)).all(|(l, s)| l.is_held(s))
     }
 
-    /// A sequence made of one for every phase from its number and problem.
-    fn made(&self, of: &mut dyn FnMut(&Levels, &Ocp) -> Sequence) -> Sequence {
+    /// A sequence made of one for every phase, from what may be chosen in it and its problem.
+    fn made(&self, of: &dyn Fn(&Levels, &Ocp) -> Sequence) -> Sequence {
         self.levels.iter().zip(&self.inner.phases).flat_map(|(l, p)| of(l, p)).collect()
     }
 
@@ -109,11 +109,7 @@ impl PhasedChoices {
 
     /// The nearest sequences to the problem with all choices between their least and their largest values.
     fn relaxation(&mut self, budget: &mut Budget, control: &mut Control) -> Result<Vec<Candidate>> {
-        let mut side = 0;
-        let widest = [0, 1].map(|k| {
-            side = k;
-            self.made(&mut |l, _| l.widest()[side].clone())
-        });
+        let widest = [0, 1].map(|side: usize| self.made(&|l, _| l.widest()[side].clone()));
         let r = self.solve_between([&widest[0], &widest[1]], &[], budget, control)?;
         let motions: Motions = Rc::new(r.phases.iter().map(Motion::of).collect());
         let u: Vec<&[f64]> = r.phases.iter().map(|p| &p.controls[..]).collect();
@@ -132,7 +128,7 @@ impl PhasedChoices {
         let k = self.constant;
         self.constant += 1;
         let of = |l: &Levels, _: &Ocp| l.constant().get(k).or(l.constant().last()).cloned().unwrap_or_default();
-        (k < most).then(|| self.candidate(self.made(&mut { of })))
+        (k < most).then(|| self.candidate(self.made(&of)))
     }
 
     fn draw(&mut self, best: Option<&Ended>) -> Vec<Candidate> {
@@ -166,7 +162,7 @@ impl Space for PhasedChoices {
     ) -> Result<Vec<Candidate>> {
         Ok(match source {
             Source::Guess if std::mem::take(&mut self.has_guess) => {
-                vec![self.candidate(self.made(&mut |l, p| l.nearest(&p.control_guess())))]
+                vec![self.candidate(self.made(&|l, p| l.nearest(&p.control_guess())))]
             }
             Source::Relaxation if !std::mem::replace(&mut self.relaxed, true) => self.relaxation(budget, control)?,
             Source::Simulation => self.next_constant().into_iter().collect(),

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::fesd::{Element, Trajectory};
 use crate::mpcc::Polish;
 use crate::nlp::{Outcome, Residuals};
-use crate::ocp::descent::{missed, violation, Chain, Log, Lowest, ModeOrder, Motion, Program, Shooting, Values};
+use crate::ocp::descent::{missed, violation, Chain, Lowest, Motion, Program, Shooting, Values};
 use crate::ocp::request::Request;
 use crate::ocp::transitions::{JumpMade, AT_END};
 use crate::ocp::{stage_times, Adaptation, Contacts, Ocp, OcpResult, Round};
@@ -138,7 +138,7 @@ impl Ocp {
     /// state on the other side of that.
     fn write_motion(
         &self,
-        Motion { run, active, behind, .. }: Motion,
+        Motion { run, phases, behind, .. }: Motion,
         first: usize,
         r: &mut OcpResult,
     ) -> Result<Vec<Option<Vec<f64>>>> {
@@ -185,10 +185,7 @@ impl Ocp {
             });
             start = end;
         }
-        let span = [self.t0, self.t0 + r.durations.iter().sum::<f64>()];
-        let log = Log::of_run(&run);
-        let last = |k: usize| active.get(k).cloned().unwrap_or_default();
-        r.phases = ModeOrder::of(&log, &self.system, &last, span, self.same_time()).phases;
+        r.phases = phases;
         let ends = &stage_times(self.t0, &r.durations)[1..];
         let stage_of = |t: f64| ends.iter().take_while(|e| **e < t).count().min(self.n_stages - 1);
         r.jumps = run
