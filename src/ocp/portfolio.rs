@@ -137,8 +137,7 @@ impl Ocp {
         self.has_costs()
             && self.modes.is_none()
             && self.complementarity.is_empty()
-            && s.n_algebraic() == 0
-            && s.inclusions().is_empty()
+            && s.is_of_modes_alone()
             && self.switches()
             && request.options.solver.polish
             && request.options.discretisation.discretisation == crate::settings::Discretisation::Fesd

@@ -391,6 +391,11 @@ impl System {
         self.check_discrete()
     }
 
+    /// Is it without algebraic states and inclusions: are rates known where the modes are?
+    pub(crate) fn is_of_modes_alone(&self) -> bool {
+        self.n_z == 0 && self.inclusions.is_empty()
+    }
+
     /// Subsystems with more than one mode.
     pub fn n_switching(&self) -> usize {
         self.subsystems.iter().filter(|s| s.n_modes > 1).count()

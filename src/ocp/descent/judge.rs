@@ -18,7 +18,7 @@ impl Ocp {
     pub(in crate::ocp) fn judge_by_descent(&self, r: &OcpResult, b: Option<&Built>) -> Result<Optimality> {
         let found = match b {
             Some(b) => self.lowest_from(b, r, &self.known_or_own_sizes()?)?,
-            None => self.lowest_of_simulated(r)?,
+            None => self.lowest_of_simulated(&self.base(Some(r))?, r)?,
         };
         let Some((found, moved)) = found else { return Ok(Optimality::unknown(NO_DESCENT)) };
         let own = r.priced;

@@ -9,6 +9,7 @@ mod sqp;
 
 use super::candidates::agree;
 use super::optimality::Verdict;
+use super::simulated::Base;
 use super::solve::Built;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
@@ -107,8 +108,7 @@ impl Ocp {
     }
 
     /// The same of an answer that belongs to no discretised program; its end is looked around always, and has the multipliers of that.
-    pub(super) fn lowest_of_simulated(&self, r: &OcpResult) -> Result<Option<(Lowest, Box<OcpResult>)>> {
-        let base = self.base(Some(r))?;
+    pub(super) fn lowest_of_simulated(&self, base: &Base, r: &OcpResult) -> Result<Option<(Lowest, Box<OcpResult>)>> {
         let mut shooting = base.judging(self)?;
         let start = shooting.place_fresh((&r.controls, &r.control_ends));
         looked_at(&mut shooting, start, r, true)

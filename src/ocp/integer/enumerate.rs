@@ -62,7 +62,7 @@ impl Ocp {
             && self.complementarity.is_empty()
             && !self.linear.contains(&true)
             // those are not simulated by events
-            && (self.is_simulated() || self.projected.is_some() || self.system.n_algebraic() == 0 && self.system.inclusions().is_empty())
+            && (self.is_simulated() || self.projected.is_some() || self.system.is_of_modes_alone())
             && !self.free_params().contains(&true)
     }
 

@@ -495,8 +495,7 @@ impl Ocp {
             return Ok(Optimality::unknown("the modes of the answer are not exact"));
         }
         // costates follow switches between smooth parts alone
-        let s = &b.extended.system;
-        let only_simulated = self.projected.is_some() || s.n_algebraic() > 0 || !s.inclusions().is_empty();
+        let only_simulated = self.projected.is_some() || !b.extended.system.is_of_modes_alone();
         if only_simulated && b.extended.complementarity.is_empty() {
             return self.judge_by_descent(r, Some(b));
         }

@@ -69,8 +69,12 @@ impl Base {
 
     /// The same among all orders of modes, for what is to be judged.
     pub(super) fn judging<'a>(&'a self, ocp: &'a Ocp) -> Result<Shooting<'a>> {
-        let cuts = Shooting::cuts(ocp, &self.extended, vec![Vec::new(); ocp.n_stages]);
-        Shooting::new(ocp, &self.extended, Given { order: None, ..self.given(ocp, &cuts) })
+        Shooting::new(ocp, &self.extended, Given { order: None, ..self.given(ocp, &self.first_cuts(ocp)) })
+    }
+
+    /// Where constraints are looked at that hold along the horizon, before one was found to act.
+    fn first_cuts(&self, ocp: &Ocp) -> Vec<Vec<f64>> {
+        Shooting::cuts(ocp, &self.extended, vec![Vec::new(); ocp.n_stages])
     }
 }
 
@@ -118,8 +122,7 @@ pub(super) fn only_simulates(s: &System) -> bool {
     let Some(m) = s.mechanics() else { return !plain };
     let choices = m.order == Order::Second && !s.choices().is_empty();
     let in_space = m.contacts.iter().any(|c| c.kind == Kind::Unilateral && c.n_tangents > 1);
-    let beside = s.n_algebraic() > 0 || !s.inclusions().is_empty();
-    !plain || choices || in_space || beside || m.check_contacts("optimal control").is_err()
+    !plain || choices || in_space || !s.is_of_modes_alone() || m.check_contacts("optimal control").is_err()
 }
 
 /// Share of a stage within which events are one in an order of modes: simulations of the same motion tell their times that well.
@@ -143,8 +146,7 @@ impl Ocp {
 
     /// Does a search over modes go on from its answers?
     pub(super) fn has_search(&self) -> bool {
-        let s = &self.system;
-        self.projected.is_some() || s.n_algebraic() == 0 && s.inclusions().is_empty()
+        self.projected.is_some() || self.system.is_of_modes_alone()
     }
 
     /// Is the last answer the end of a descent on simulations, or known as one?
@@ -161,13 +163,13 @@ impl Ocp {
             return Err(Error::State("there is no exact solution to have multipliers: solve the problem first".into()));
         };
         let base = self.base(Some(r))?;
-        let cuts = Shooting::cuts(self, &base.extended, vec![Vec::new(); self.n_stages]);
-        let Some(lowest) = self.lowest_of_simulated(r)?.map(|f| f.0).filter(|f| f.stays_at(r.priced)) else {
+        let Some(lowest) = self.lowest_of_simulated(&base, r)?.map(|f| f.0).filter(|f| f.stays_at(r.priced)) else {
             return Err(Error::State(
                 "multipliers are not known of this answer: no descent on simulations that begins there stays there"
                     .into(),
             ));
         };
+        let cuts = base.first_cuts(self);
         self.simulated.last = Some(Box::new(Last { base, cuts, lowest }));
         Ok(())
     }
@@ -206,9 +208,6 @@ impl Ocp {
         let mut task = Task { ocps: vec![self], links: &[], settings: &settings };
         let mut found = task.solve(vec![base], last.as_ref().map(std::slice::from_ref), request, control)?;
         let mut result = found.results.pop().ok_or_else(|| Error::Internal("a search without an answer".into()))?;
-        if !found.missed.is_empty() {
-            result.message = found.missed;
-        }
         result.stats.time_total = clock.elapsed().as_secs_f64();
         self.result = Some(result);
         let (mut bases, mut cuts) = found.parts;
@@ -268,8 +267,7 @@ impl Task<'_> {
             }
         }
         let mut budget = Budget::new(f64::INFINITY);
-        let of = |(o, b): (&&mut Ocp, &Base)| Shooting::cuts(o, &b.extended, vec![Vec::new(); o.n_stages]);
-        let cuts = self.ocps.iter().zip(&bases).map(of).collect();
+        let cuts = self.ocps.iter().zip(&bases).map(|(o, b)| b.first_cuts(o)).collect();
         let mut parts: Parts = (bases, cuts);
         let found = control.sooner(SEARCH, |control| self.search(&parts, last, request, &mut budget, control))?;
         let Some(mut lowest) = found.all.into_iter().next().map(|f| f.0) else {
@@ -365,9 +363,14 @@ impl Task<'_> {
         self.ocps.iter_mut().skip(1).zip(starts).for_each(|(o, t)| o.t0 = t);
         let chain = self.chain(parts)?;
         let (gradient, solved, dimensions) = (&end.gradient[..], end.missed.is_empty(), end.dimensions);
+        let alone = self.ocps.len() == 1;
         let each = self.ocps.iter().zip(chain.parts()).zip(end.motions);
         each.map(|((ocp, shooting), motion)| {
-            let r = ocp.simulated_result(&Own { shooting, gradient, solved }, lowest, motion, request)?;
+            let mut r = ocp.simulated_result(&Own { shooting, gradient, solved }, lowest, motion, request)?;
+            if alone {
+                // of several problems it is told once
+                r.message.clone_from(&end.missed);
+            }
             Ok(OcpResult { dimensions, ..r })
         })
         .collect()
