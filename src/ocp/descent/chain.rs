@@ -7,7 +7,8 @@
 //! A start that is a function of the end before it is no variable: what rests there rests on, and a motion has no gap. Time goes on from one
 //! problem to the next, also where lengths are free.
 
-use super::shooting::{Given, Here, Preceding, Rows, Shooting};
+use super::blocks::Block;
+use super::shooting::{Given, Node, Preceding, Shooting};
 use super::sqp::{Program, Values};
 use crate::error::Result;
 use crate::event::{self, Run};
@@ -62,27 +63,23 @@ fn start_bounds(ocp: &Ocp) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
     bounds.map(|(i, (l, u))| (i, *l, *u)).filter(|(_, l, u)| l.is_finite() || u.is_finite())
 }
 
-/// A function of the states at these points, behind `first` others each, with zero as the time.
-fn through(f: &SharedFunction, points: &[(&Here, usize)], sizes: &[f64]) -> Rows {
-    let x: Vec<f64> = points.iter().flat_map(|(h, first)| h.x[*first..].to_vec()).collect();
-    let n = points[0].0.dx.ncols();
+/// A function of the states `x` of these sizes, with zero as the time: its values, its derivatives, and what states of their sizes change it by.
+fn through(f: &SharedFunction, x: &[f64], sizes: &[f64]) -> (Vec<f64>, DMatrix<f64>, Vec<f64>) {
     let (m, pattern) = (f.n_out(), f.jac_pattern());
-    let at = Point { t: 0.0, x: &x, u: &[], p: &[] };
+    let at = Point { t: 0.0, x, u: &[], p: &[] };
     let (mut value, mut entries, mut work) = (vec![f64::NAN; m], vec![0.0; pattern.nnz()], vec![0.0; f.work_len()]);
-    let (mut slopes, mut usual) = (DMatrix::zeros(m, n), vec![0.0; m]);
+    let (mut slopes, mut usual) = (DMatrix::zeros(m, x.len()), vec![0.0; m]);
     if f.value(&at, &mut value, &mut work).is_err() || f.jacobian(&at, &mut entries, &mut work).is_err() {
         value.fill(f64::NAN);
-        return Rows { value, slopes, usual };
+        return (value, slopes, usual);
     }
-    let changes = points.iter().flat_map(|(h, first)| (*first..h.x.len()).map(|i| h.dx.row(i)));
-    for ((j, change), size) in changes.enumerate().zip(sizes) {
+    for (j, size) in sizes.iter().enumerate() {
         for (&i, v) in pattern.rows(j).iter().zip(&entries[pattern.range(j)]) {
-            let mut row = slopes.row_mut(i);
-            row += change * *v;
+            slopes[(i, j)] += v;
             usual[i] += v.abs() * size;
         }
     }
-    Rows { value, slopes, usual }
+    (value, slopes, usual)
 }
 
 impl<'a> Chain<'a> {
@@ -143,33 +140,68 @@ impl<'a> Chain<'a> {
     }
 
     /// Where problem `k` begins behind the end of the one before, with the rows between them.
-    fn enter(&self, k: usize, z: &[f64], end: &Here, out: &mut Values) -> Here {
+    fn enter(&self, k: usize, z: &[f64], end: &Node, out: &mut Values) -> Node {
         let (before, part) = (&self.parts[k - 1], &self.parts[k]);
         let mut start = part.begin(z);
         (start.t, start.dt) = (end.t, end.dt.clone());
-        let ends = (end, before.n_front());
-        if let Some(r) = start_of(&self.links[k - 1]) {
-            let found = through(r, &[ends], &before.usual().x);
-            let first = part.n_front();
-            start.x[first..].copy_from_slice(&found.value);
-            start.dx.rows_mut(first, found.value.len()).copy_from(&found.slopes);
+        let (state, first) = (&end.x[before.n_front()..], part.n_front());
+        let map = start_of(&self.links[k - 1]);
+        let n_start = if map.is_some() { 0 } else { part.usual().x.len() };
+        let mut block = Block {
+            begins: false,
+            states: state.len(),
+            inputs: state.to_vec(),
+            dense: end.dx.clone(),
+            own: Vec::new(),
+            next: DMatrix::zeros(0, state.len() + n_start),
+            cost: vec![0.0; state.len() + n_start],
+            first: out.rows.len(),
+            rows: Vec::new(),
+            start: Vec::new(),
+            curvature: None,
+        };
+        if let Some(r) = map {
+            let (value, slopes, _) = through(r, state, &before.usual().x);
+            start.x[first..].copy_from_slice(&value);
+            start.dx = &slopes * &end.dx;
             for (i, ..) in start_bounds(part.ocp()) {
-                out.rows.push(found.value[i]);
+                out.rows.push(value[i]);
                 out.usual.push(part.usual().x[i]);
-                out.jacobian.extend(found.slopes.row(i).iter());
+                block.rows.extend(slopes.row(i).iter());
             }
+            block.next = slopes;
+        } else {
+            // what begins anew is an input of the conditions
+            block.inputs.extend_from_slice(&start.x[first..]);
+            block.dense =
+                DMatrix::from_fn(state.len() + n_start, end.dx.ncols(), |i, j| match i.checked_sub(state.len()) {
+                    None => end.dx[(i, j)],
+                    Some(i) => start.dx[(i, j)],
+                });
         }
+        let x = [state, &start.x[first..]].concat();
         let sizes = [&before.usual().x[..], &part.usual().x].concat();
         for link in conditions(&self.links[k - 1]) {
-            through(&link.f, &[ends, (&start, part.n_front())], &sizes).add_to(out);
+            let (value, slopes, usual) = through(&link.f, &x, &sizes);
+            out.rows.extend(value);
+            out.usual.extend(usual);
+            let by = match map {
+                Some(_) => {
+                    slopes.columns(0, state.len())
+                        + slopes.columns(state.len(), sizes.len() - state.len()) * &block.next
+                }
+                None => slopes,
+            };
+            by.row_iter().for_each(|row| block.rows.extend(row.iter()));
         }
+        out.push(block, &start.dx);
         start
     }
 
     /// Simulates one problem after the other; false where one does not get to its end.
-    fn run(&mut self, z: &[f64], out: &mut Values, told: &mut dyn FnMut(usize, &Here)) -> Result<bool> {
+    fn run(&mut self, z: &[f64], out: &mut Values, told: &mut dyn FnMut(usize, &Node)) -> Result<bool> {
         out.clear(self.lower.len());
-        let mut end: Option<Here> = None;
+        let mut end: Option<Node> = None;
         for k in 0..self.parts.len() {
             let start = match &end {
                 Some(end) => self.enter(k, z, end, out),
@@ -208,7 +240,7 @@ impl<'a> Chain<'a> {
             let first = self.parts[k].n_front();
             let mut ends = Vec::new();
             // as far as simulations get
-            let told = &mut |j: usize, h: &Here| {
+            let told = &mut |j: usize, h: &Node| {
                 if j == k {
                     ends.extend_from_slice(&h.x[first..]);
                 }
@@ -324,10 +356,9 @@ impl Program for Chain<'_> {
     }
 
     fn evaluate_curved(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
-        self.parts.iter_mut().for_each(Shooting::begin_curvature);
+        self.parts.iter_mut().for_each(|p| p.ask_curvature(true));
         let found = self.evaluate(z, out);
-        out.curvature.clear();
-        self.parts.iter_mut().for_each(|p| p.end_curvature(&mut out.curvature));
+        self.parts.iter_mut().for_each(|p| p.ask_curvature(false));
         found
     }
 }

@@ -1,7 +1,9 @@
 //! Descent on event-driven simulations: an answer that is not optimal, and whose direction no sequence of modes next to its own
 //! follows, is bettered in its controls alone. What the descent ends at is the start of a mode program again.
 
+mod blocks;
 mod chain;
+mod hinges;
 mod judge;
 mod order;
 mod shooting;
@@ -16,9 +18,10 @@ use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::random::SplitMix64;
 use crate::stop;
+pub(super) use blocks::Gradients;
 pub(super) use chain::{Chain, Motion};
 pub(super) use order::ModeOrder;
-pub(super) use shooting::{Given, Preceding, Record, RowOf, Shooting, SAME_POINT};
+pub(super) use shooting::{Given, Preceding, RowOf, Shooting, SAME_POINT};
 pub(super) use sqp::{look_around, minimise, restore, GiveUp, Lowest, Program, Values};
 
 /// Simulations of the horizon of a descent at most.

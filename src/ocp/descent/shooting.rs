@@ -3,6 +3,7 @@
 
 mod track;
 
+use super::blocks::Block;
 use super::order::{Layout, ModeOrder};
 use super::sqp::{Program, Values};
 use crate::error::Result;
@@ -88,10 +89,11 @@ pub(in crate::ocp) struct Shooting<'a> {
     /// The order of modes and transitions that a motion has to have.
     order: Option<ModeOrder>,
     layout: Layout,
-    /// Derivatives by states and parameters on the way, while they are taken down.
-    records: Option<Vec<Record>>,
-    /// Second derivatives of the cost by the variables with states and controls linear in them, while they are added up.
+    /// Are second derivatives of the cost asked for? Those of the stage, by its inputs, with states and controls linear in them.
+    is_curved: bool,
     curvature: Option<DMatrix<f64>>,
+    /// What depends on the state at the end of the horizon, while that is taken down.
+    ends: Option<AtEnd>,
     /// Steps of simulations so far.
     pub steps: usize,
     /// About the cost.
@@ -115,14 +117,13 @@ pub(in crate::ocp) struct Shooting<'a> {
     cuts: Vec<Vec<f64>>,
 }
 
-/// What a simulation passes, with derivatives by its states and the parameters there.
-pub(in crate::ocp) enum Record {
-    /// The start of a stage.
-    Stage,
-    /// A piece of a stage: of the states at its end.
-    Piece { x: DMatrix<f64>, p: DMatrix<f64> },
-    /// The cost, or rows from this one on; `start` is by the state at the start of the horizon.
-    Outputs { first: Option<usize>, start: Option<DMatrix<f64>>, x: DMatrix<f64>, p: DMatrix<f64> },
+/// Derivatives by the state at the end of the horizon of what depends on it there.
+#[derive(Default)]
+pub(in crate::ocp) struct AtEnd {
+    /// Of the cost, none where that does not.
+    pub cost: Vec<f64>,
+    /// Of constraints by their numbers.
+    pub rows: Vec<(usize, Vec<f64>)>,
 }
 
 /// What a row of the constraints belongs to.
@@ -138,23 +139,46 @@ pub(in crate::ocp) enum RowOf {
     Boundary(usize),
 }
 
-/// A point of the simulation with the derivatives of what it depends on by the variables.
+/// A point between stages with its derivatives by the variables.
 #[derive(Clone)]
-pub(super) struct Here {
+pub(super) struct Node {
     /// Is it the start of the horizon?
-    begins: bool,
-    /// Are the controls others than before?
-    is_new: bool,
+    pub begins: bool,
     pub t: f64,
     pub dt: DVector<f64>,
     /// States of the simulation: cost, linear controls, states.
     pub x: Vec<f64>,
+    /// Of the states alone, `[nx × n]`.
     pub dx: DMatrix<f64>,
+}
+
+/// A point within a stage with its derivatives by the inputs of that.
+struct Here {
+    /// Is it the start of the horizon?
+    begins: bool,
+    /// Are the controls others than before?
+    is_new: bool,
+    t: f64,
+    dt: DVector<f64>,
+    /// States of the simulation: cost, linear controls, states.
+    x: Vec<f64>,
+    dx: DMatrix<f64>,
     /// Controls, linear ones at this point.
     u: Vec<f64>,
     du: DMatrix<f64>,
     p: Vec<f64>,
     dp: DMatrix<f64>,
+}
+
+/// Where the inputs of a stage are: the state and the time at its start, controls there, linear ones at its end, its length, parameters.
+#[derive(Clone, Copy)]
+struct Inputs {
+    time: usize,
+    controls: usize,
+    ends: usize,
+    length: usize,
+    params: usize,
+    n: usize,
 }
 
 /// Half of what lies between two bounds, or else what the value is.
@@ -207,8 +231,9 @@ impl<'a> Shooting<'a> {
             goes_on: given.goes_on,
             order: given.order,
             layout: Layout::of(&ocp.system),
-            records: None,
+            is_curved: false,
             curvature: None,
+            ends: None,
             steps: 0,
             cost: given.cost,
             at: Places {
@@ -417,16 +442,9 @@ impl<'a> Shooting<'a> {
         &self.usual
     }
 
-    /// Second derivatives of the cost by all variables are added up from here on.
-    pub(super) fn begin_curvature(&mut self) {
-        self.curvature = Some(DMatrix::zeros(self.at.all, self.at.all));
-    }
-
-    /// Adds what has been added up to `sum`, `[n · n]`, which may be empty, and ends that.
-    pub(super) fn end_curvature(&mut self, sum: &mut Vec<f64>) {
-        let Some(own) = self.curvature.take().filter(|c| c.iter().any(|v| *v > 0.0)) else { return };
-        sum.resize(own.len(), 0.0);
-        sum.iter_mut().zip(own.as_slice()).for_each(|(s, o)| *s += o);
+    /// Are second derivatives of the cost asked for from here on?
+    pub(super) fn ask_curvature(&mut self, asked: bool) {
+        self.is_curved = asked;
     }
 
     /// Number of control stages.
@@ -496,12 +514,24 @@ impl<'a> Shooting<'a> {
         }
     }
 
-    /// A simulation with its derivatives, and those by states and parameters on the way.
-    pub fn recorded(&mut self, z: &[f64]) -> Result<Option<(Values, Vec<Record>)>> {
-        self.records = Some(Vec::new());
+    /// A simulation with its derivatives, and those by the state at its end.
+    pub fn with_end(&mut self, z: &[f64]) -> Result<Option<(Values, AtEnd)>> {
+        self.ends = Some(AtEnd::default());
         let found = self.values_at(z);
-        let records = self.records.take().unwrap_or_default();
-        Ok(found?.map(|v| (v, records)))
+        let ends = self.ends.take().unwrap_or_default();
+        Ok(found?.map(|v| (v, ends)))
+    }
+
+    /// The first parameter among the inputs of a stage.
+    pub fn params_of_block(&self) -> usize {
+        self.inputs().params
+    }
+
+    fn inputs(&self) -> Inputs {
+        let d = self.e.system.dims();
+        let (time, controls) = (d.x, d.x + 1);
+        let (ends, length) = (controls + d.u, controls + d.u + self.ramps.len());
+        Inputs { time, controls, ends, length, params: length + 1, n: length + 1 + d.p }
     }
 
     /// The place of an initial state among the variables, where it is free.
@@ -600,89 +630,182 @@ impl<'a> Shooting<'a> {
     }
 
     /// The start of the horizon.
-    pub(super) fn begin(&self, z: &[f64]) -> Here {
+    pub(super) fn begin(&self, z: &[f64]) -> Node {
         let (d, n) = (self.e.system.dims(), self.at.all);
-        let first = 1 + self.ramps.len();
-        let mut here = Here {
+        let first = self.n_front();
+        let mut node = Node {
             begins: true,
-            is_new: true,
             t: self.ocp.t0,
             dt: DVector::zeros(n),
             x: vec![0.0; first + d.x],
-            dx: DMatrix::zeros(first + d.x, n),
-            u: vec![0.0; d.u],
-            du: DMatrix::zeros(d.u, n),
-            p: vec![0.0; d.p],
-            dp: DMatrix::zeros(d.p, n),
+            dx: DMatrix::zeros(d.x, n),
         };
         for (i, at) in self.at.initial.iter().enumerate() {
-            here.x[first + i] = at.map_or(self.x0[i], |at| z[at]);
-            at.iter().for_each(|&at| here.dx[(first + i, at)] = 1.0);
+            node.x[first + i] = at.map_or(self.x0[i], |at| z[at]);
+            at.iter().for_each(|&at| node.dx[(i, at)] = 1.0);
         }
-        for (j, at) in self.at.params.iter().enumerate() {
-            at.iter().for_each(|&at| here.dp[(j, at)] = 1.0);
-        }
-        here
+        node
     }
 
-    /// Simulates stage `k` from `here` on; false where that does not get to its end.
-    fn stage(&mut self, z: &[f64], k: usize, here: &mut Here, out: &mut Values) -> Result<bool> {
-        let d = self.e.system.dims();
-        let (length, by) = self.length(z, k);
-        here.p.copy_from_slice(&self.params[k * d.p..(k + 1) * d.p]);
-        for (j, at) in self.at.params.iter().enumerate() {
-            at.iter().for_each(|&at| here.p[j] = z[at]);
-        }
-        here.du.fill(0.0);
-        for j in 0..d.u {
-            let at = self.control_at(k, j);
-            here.u[j] = z[at];
-            here.du[(j, at)] = 1.0;
-        }
-        // linear controls are states, and their slopes are the controls of the simulation
+    /// The start of stage `k`, and slopes of linear controls on it, which are the controls of the simulation.
+    fn enter(&self, z: &[f64], k: usize, node: &Node) -> (Here, (Vec<f64>, DMatrix<f64>)) {
+        let (d, i) = (self.e.system.dims(), self.inputs());
+        let first = self.n_front();
+        let length = self.length(z, k).0;
+        let unit = |rows: usize, at: usize| {
+            let mut out = DMatrix::zeros(rows, i.n);
+            (0..rows).for_each(|r| out[(r, at + r)] = 1.0);
+            out
+        };
+        let param = |j: usize| self.at.params[j].map_or(self.params[k * d.p + j], |at| z[at]);
+        let mut here = Here {
+            begins: node.begins,
+            is_new: true,
+            t: node.t,
+            dt: DVector::zeros(i.n),
+            x: node.x.clone(),
+            dx: DMatrix::zeros(first + d.x, i.n),
+            u: (0..d.u).map(|j| z[self.control_at(k, j)]).collect(),
+            du: unit(d.u, i.controls),
+            p: (0..d.p).map(param).collect(),
+            dp: unit(d.p, i.params),
+        };
+        (0..d.x).for_each(|s| here.dx[(first + s, s)] = 1.0);
+        here.dt[i.time] = if node.dt.iter().any(|d| *d != 0.0) { 1.0 } else { 0.0 };
         let (mut slope, mut dslope) = (here.u.clone(), here.du.clone());
         for (r, &j) in self.ramps.iter().enumerate() {
-            let (from, to) = (self.control_at(k, j), self.control_at(k + 1, j));
-            here.x[1 + r] = z[from];
-            here.dx.row_mut(1 + r).fill(0.0);
-            here.dx[(1 + r, from)] = 1.0;
-            slope[j] = (z[to] - z[from]) / length;
+            here.x[1 + r] = here.u[j];
+            here.dx[(1 + r, i.controls + j)] = 1.0;
+            slope[j] = (z[self.control_at(k + 1, j)] - here.u[j]) / length;
             dslope.row_mut(j).fill(0.0);
-            dslope[(j, to)] = 1.0 / length;
-            dslope[(j, from)] = -1.0 / length;
-            by.iter().for_each(|(at, share)| dslope[(j, *at)] -= slope[j] * share / length);
+            dslope[(j, i.ends + r)] = 1.0 / length;
+            dslope[(j, i.controls + j)] = -1.0 / length;
+            dslope[(j, i.length)] = -slope[j] / length;
         }
-        if let Some(records) = &mut self.records {
-            records.push(Record::Stage);
+        (here, (slope, dslope))
+    }
+
+    /// The inputs of stage `k` and their derivatives by the variables; what is behind it is not known yet.
+    fn block(&self, z: &[f64], k: usize, node: &Node, here: &Here, first: usize) -> Block {
+        let (d, i) = (self.e.system.dims(), self.inputs());
+        let (length, by) = self.length(z, k);
+        let mut own: Vec<(usize, usize, f64)> =
+            (0..d.u).map(|j| (i.controls + j, self.control_at(k, j), 1.0)).collect();
+        let mut inputs = node.x[self.n_front()..].to_vec();
+        inputs.push(node.t);
+        inputs.extend(&here.u);
+        for (r, &j) in self.ramps.iter().enumerate() {
+            let end = self.control_at(k + 1, j);
+            own.push((i.ends + r, end, 1.0));
+            inputs.push(z[end]);
         }
+        own.extend(by.map(|(at, share)| (i.length, at, share)));
+        inputs.push(length);
+        own.extend(self.at.params.iter().enumerate().filter_map(|(j, at)| at.map(|at| (i.params + j, at, 1.0))));
+        inputs.extend(&here.p);
+        let mut dense = node.dx.clone();
+        if here.dt[i.time] != 0.0 {
+            dense = dense.insert_row(d.x, 0.0);
+            dense.row_mut(d.x).copy_from(&node.dt.transpose());
+        }
+        Block {
+            begins: node.begins,
+            states: d.x,
+            inputs,
+            dense,
+            own,
+            next: DMatrix::zeros(0, i.n),
+            cost: vec![0.0; i.n],
+            first,
+            rows: Vec::new(),
+            start: Vec::new(),
+            curvature: None,
+        }
+    }
+
+    /// Simulates stage `k` from a point between stages on, and adds its cost and rows; at the last one those of the end of the horizon, whose start is
+    /// `start`. Nothing where that does not get to its end.
+    fn stage(&mut self, z: &[f64], k: usize, node: &Node, start: &Node, out: &mut Values) -> Result<Option<Node>> {
+        let is_last = k + 1 == self.ocp.n_stages;
+        let (mut here, (slope, dslope)) = self.enter(z, k, node);
+        let (length, by) = self.length(z, k);
+        let by = by.map(|_| self.inputs().length);
+        let mut block = self.block(z, k, node, &here, out.rows.len());
+        let (cost, first) = (here.x[0], self.n_front());
+        self.curvature = self.is_curved.then(|| DMatrix::zeros(block.inputs.len(), block.inputs.len()));
         for c in &self.e.path {
-            self.add_rows(&c.f, here, out);
+            let found = self.values(&c.f, &here, None);
+            self.add(found, false, out, &mut block);
         }
         let mut before = 0.0;
         for i in 0..self.cuts[k].len() {
             let cut = self.cuts[k][i];
             let part = cut - std::mem::replace(&mut before, cut);
             here.is_new = i == 0;
-            if !self.piece(here, (&slope, &dslope), part * length, by.map(|(at, share)| (at, part * share)))? {
-                return Ok(false);
+            if !self.piece(&mut here, (&slope, &dslope), part * length, by.map(|at| (at, part)))? {
+                return Ok(None);
             }
             let last = cut == 1.0;
+            let ends = is_last && last;
             for s in bounded(self.ocp) {
-                let at = 1 + self.ramps.len() + s;
-                if let Some(records) = &mut self.records {
-                    let (mut x, p) = (DMatrix::zeros(1, here.x.len()), DMatrix::zeros(1, d.p));
-                    x[(0, at)] = 1.0;
-                    records.push(Record::Outputs { first: Some(out.rows.len()), start: None, x, p });
+                if let Some(end) = self.ends.as_mut().filter(|_| ends) {
+                    let mut by = vec![0.0; here.x.len() - first];
+                    by[s] = 1.0;
+                    end.rows.push((out.rows.len(), by));
                 }
-                out.rows.push(here.x[at]);
+                out.rows.push(here.x[first + s]);
                 out.usual.push(self.usual.x[s]);
-                out.jacobian.extend(here.dx.row(at).iter());
+                block.rows.extend(here.dx.row(first + s).iter());
             }
             for c in self.e.path.iter().filter(|c| last || c.at != PathAt::ControlGrid) {
-                self.add_rows(&c.f, here, out);
+                let found = self.values(&c.f, &here, None);
+                self.add(found, ends, out, &mut block);
             }
         }
-        Ok(true)
+        block.cost.iter_mut().zip(here.dx.row(0).iter()).for_each(|(g, v)| *g += v);
+        out.cost += here.x[0] - cost;
+        let costs = [self.e.grid_cost.as_ref(), self.e.mayer.as_ref().filter(|_| is_last)];
+        for f in costs.into_iter().flatten() {
+            let Rows { value, slopes, by_state, .. } = self.values(f, &here, None);
+            out.cost += value[0];
+            block.cost.iter_mut().zip(slopes.row(0).iter()).for_each(|(g, s)| *g += s);
+            if let Some(end) = self.ends.as_mut().filter(|_| is_last) {
+                end.cost.resize(by_state.ncols(), 0.0);
+                end.cost.iter_mut().zip(by_state.row(0).iter()).for_each(|(g, s)| *g += s);
+            }
+            self.add_curvature(Some(f), &here, 1.0);
+        }
+        if is_last {
+            for c in &self.e.terminal {
+                let found = self.values(&c.f, &here, None);
+                self.add(found, true, out, &mut block);
+            }
+            for c in &self.e.boundary {
+                let found = self.values(&c.f, &here, Some(start));
+                block.start.push((out.rows.len(), found.by_start.clone()));
+                self.add(found, true, out, &mut block);
+            }
+        }
+        block.curvature = self.curvature.take().filter(|c| c.iter().any(|v| *v != 0.0));
+        let mut node = Node { begins: false, t: here.t, x: here.x, ..node.clone() };
+        if self.engine.sensitivity().is_some() {
+            self.length(z, k).1.iter().for_each(|(at, share)| node.dt[*at] += share);
+            block.next = here.dx.rows(first, self.e.system.dims().x).into_owned();
+            node.dx = block.by_variables(&block.next);
+            out.push(block, &start.dx);
+        }
+        Ok(Some(node))
+    }
+
+    /// Adds constraints to those of a stage, at the end of the horizon or before.
+    fn add(&mut self, found: Rows, is_end: bool, out: &mut Values, block: &mut Block) {
+        if let Some(end) = self.ends.as_mut().filter(|_| is_end) {
+            let rows = found.by_state.row_iter().map(|r| r.iter().copied().collect());
+            end.rows.extend((out.rows.len()..).zip(rows));
+        }
+        out.rows.extend_from_slice(&found.value);
+        out.usual.extend_from_slice(&found.usual);
+        found.slopes.row_iter().for_each(|row| block.rows.extend(row.iter()));
     }
 
     /// Simulates a piece of a stage of this length, which changes with a variable, with these slopes of the controls.
@@ -733,10 +856,6 @@ impl<'a> Shooting<'a> {
             }
             if moves {
                 dx += (&now - s.columns(0, nx) * DVector::from_vec(rate)) * here.dt.transpose();
-            }
-            if let Some(records) = &mut self.records {
-                let (x, p) = (s.columns(0, nx).into_owned(), s.columns(nx, np).into_owned());
-                records.push(Record::Piece { x, p });
             }
             if let Some((at, share)) = by {
                 let mut column = dx.column_mut(at);
@@ -791,119 +910,87 @@ impl<'a> Shooting<'a> {
         *sum += change.transpose() * eigen.recompose() * change;
     }
 
-    /// Values of a function, their derivatives by the variables and what they are changed by when states and controls change by their
-    /// sizes; NaN where it has none. With `before`, states at the start of the horizon come first. `row` is the first of its rows, none of the cost.
-    fn values(&mut self, f: &SharedFunction, here: &Here, before: Option<&Here>, row: Option<usize>) -> Rows {
-        let first = 1 + self.ramps.len();
-        let mut x: Vec<f64> = before.map_or_else(Vec::new, |b| b.x[first..].to_vec());
+    /// Values of a function, their derivatives by the inputs of the stage and what they are changed by when states and controls change by their
+    /// sizes; NaN where it has none. With `start`, states at the start of the horizon come first.
+    fn values(&mut self, f: &SharedFunction, here: &Here, start: Option<&Node>) -> Rows {
+        let first = self.n_front();
+        let nx = here.x.len() - first;
+        let mut x: Vec<f64> = start.map_or_else(Vec::new, |s| s.x[first..].to_vec());
+        let front = x.len();
         x.extend_from_slice(&here.x[first..]);
         let (d, m) = (f.dims(), f.n_out());
         let at = Point { t: here.t, x: &x, u: &here.u, p: &here.p };
         let pattern = f.jac_pattern();
         let (mut value, mut entries, mut work) = (vec![f64::NAN; m], vec![0.0; pattern.nnz()], vec![0.0; f.work_len()]);
-        let (mut slopes, mut usual) = (DMatrix::zeros(m, self.at.all), vec![0.0; m]);
-        if f.value(&at, &mut value, &mut work).is_err() || f.jacobian(&at, &mut entries, &mut work).is_err() {
+        let mut out = Rows {
+            value: Vec::new(),
+            slopes: DMatrix::zeros(m, here.dt.len()),
+            by_start: DMatrix::zeros(m, front),
+            by_state: DMatrix::zeros(m, nx),
+            usual: vec![0.0; m],
+        };
+        let found = f.value(&at, &mut value, &mut work).is_ok() && f.jacobian(&at, &mut entries, &mut work).is_ok();
+        if !found {
             value.fill(f64::NAN);
-            return Rows { value, slopes, usual };
+            return Rows { value, ..out };
         }
-        let size = |j: usize| match j {
-            j if j < x.len() => self.usual.x.get(j % (here.x.len() - first)),
-            j => self.usual.u.get(j - x.len()),
+        let size = |j: usize| match j.checked_sub(x.len()) {
+            None => self.usual.x.get(j % nx),
+            Some(j) => self.usual.u.get(j),
         };
         for j in 0..d.n_in() {
+            let entries = pattern.rows(j).iter().zip(&entries[pattern.range(j)]);
             let change = match j {
-                j if j < x.len() => match before {
-                    Some(b) if j < here.x.len() - first => b.dx.row(first + j).into_owned(),
-                    Some(_) => here.dx.row(first + j - (here.x.len() - first)).into_owned(),
-                    None => here.dx.row(first + j).into_owned(),
-                },
-                j if j < d.x + d.u => here.du.row(j - d.x).into_owned(),
-                j if j < d.x + d.u + d.p => here.dp.row(j - d.x - d.u).into_owned(),
-                _ => here.dt.transpose(),
+                j if j < front => None,
+                j if j < d.x => Some(here.dx.row(first + j - front).into_owned()),
+                j if j < d.x + d.u => Some(here.du.row(j - d.x).into_owned()),
+                j if j < d.x + d.u + d.p => Some(here.dp.row(j - d.x - d.u).into_owned()),
+                _ => Some(here.dt.transpose()),
             };
-            for (&i, v) in pattern.rows(j).iter().zip(&entries[pattern.range(j)]) {
-                let mut row = slopes.row_mut(i);
-                row += &change * *v;
-                usual[i] += v.abs() * size(j).unwrap_or(&0.0);
+            for (&i, v) in entries {
+                out.usual[i] += v.abs() * size(j).unwrap_or(&0.0);
+                match &change {
+                    None => out.by_start[(i, j)] += v,
+                    Some(change) => {
+                        let mut row = out.slopes.row_mut(i);
+                        row += change * *v;
+                    }
+                }
+                if (front..d.x).contains(&j) {
+                    out.by_state[(i, j - front)] += v;
+                }
             }
         }
-        if let Some(records) = &mut self.records {
-            let front = if before.is_some() { d.x / 2 } else { 0 };
-            let (nx, np) = (here.x.len(), here.p.len());
-            let (mut start, mut x, mut p) = (DMatrix::zeros(m, nx), DMatrix::zeros(m, nx), DMatrix::zeros(m, np));
-            for j in 0..d.t_col() {
-                let (to, column) = match j {
-                    j if j < front => (&mut start, first + j),
-                    j if j < d.x => (&mut x, first + j - front),
-                    j if j < d.x + d.u => match self.ramps.iter().position(|r| *r == j - d.x) {
-                        Some(r) => (&mut x, 1 + r),
-                        None => continue,
-                    },
-                    j => (&mut p, j - d.x - d.u),
-                };
-                let entries = pattern.rows(j).iter().zip(&entries[pattern.range(j)]);
-                entries.for_each(|(&i, v)| to[(i, column)] += v);
-            }
-            let start = before.map(|_| start);
-            records.push(Record::Outputs { first: row, start, x, p });
-        }
-        Rows { value, slopes, usual }
+        Rows { value, ..out }
     }
 
     /// Simulates the horizon from its start, adds cost and rows, and returns its end; nothing where that is not reached.
-    pub(super) fn follow(&mut self, z: &[f64], start: &Here, out: &mut Values) -> Result<Option<Here>> {
-        let mut here = start.clone();
+    pub(super) fn follow(&mut self, z: &[f64], start: &Node, out: &mut Values) -> Result<Option<Node>> {
+        let mut node = start.clone();
         for k in 0..self.ocp.n_stages {
-            if !self.stage(z, k, &mut here, out)? {
-                return Ok(None);
+            match self.stage(z, k, &node, start, out)? {
+                Some(next) => node = next,
+                None => return Ok(None),
             }
-            self.add_cost(self.e.grid_cost.as_ref(), &here, out);
-            self.add_curvature(self.e.grid_cost.as_ref(), &here, 1.0);
         }
-        self.add_cost(self.e.mayer.as_ref(), &here, out);
-        self.add_curvature(self.e.mayer.as_ref(), &here, 1.0);
-        out.cost += here.x[0];
-        out.gradient.iter_mut().zip(here.dx.row(0).iter()).for_each(|(g, s)| *g += s);
-        for c in &self.e.terminal {
-            self.add_rows(&c.f, &here, out);
-        }
-        for c in &self.e.boundary {
-            self.values(&c.f, &here, Some(start), Some(out.rows.len())).add_to(out);
-        }
-        let follows = self.order.as_ref().is_none_or(|given| self.order_of_motion(start.t, here.t).is_like(given));
-        Ok(follows.then_some(here))
+        let follows = self.order.as_ref().is_none_or(|given| self.order_of_motion(start.t, node.t).is_like(given));
+        Ok(follows.then_some(node))
     }
 
     /// Modes and transitions of the last simulation.
     pub(super) fn order_of_motion(&self, t0: f64, end: f64) -> ModeOrder {
         ModeOrder::of(&self.engine, &self.layout, [t0, end], self.ocp.same_time())
     }
-
-    fn add_rows(&mut self, f: &SharedFunction, here: &Here, out: &mut Values) {
-        self.values(f, here, None, Some(out.rows.len())).add_to(out);
-    }
-
-    fn add_cost(&mut self, f: Option<&SharedFunction>, here: &Here, out: &mut Values) {
-        let Some(f) = f else { return };
-        let Rows { value, slopes, .. } = self.values(f, here, None, None);
-        out.cost += value[0];
-        out.gradient.iter_mut().zip(slopes.row(0).iter()).for_each(|(g, s)| *g += s);
-    }
 }
 
-/// Values of a function at a point of the simulation, their derivatives by the variables, and what states of their sizes change them by.
-pub(super) struct Rows {
-    pub value: Vec<f64>,
-    pub slopes: DMatrix<f64>,
-    pub usual: Vec<f64>,
-}
-
-impl Rows {
-    pub fn add_to(&self, out: &mut Values) {
-        out.rows.extend_from_slice(&self.value);
-        out.usual.extend_from_slice(&self.usual);
-        (0..self.value.len()).for_each(|i| out.jacobian.extend(self.slopes.row(i).iter()));
-    }
+/// Values of a function at a point of the simulation, their derivatives by the inputs of the stage, by the state at the start of the horizon, and
+/// by the state there alone, and what states and controls of their sizes change them by.
+struct Rows {
+    value: Vec<f64>,
+    slopes: DMatrix<f64>,
+    by_start: DMatrix<f64>,
+    by_state: DMatrix<f64>,
+    usual: Vec<f64>,
 }
 
 impl Program for Shooting<'_> {

@@ -2,24 +2,24 @@
 //!
 //! Every step minimises a quadratic model of the cost with the violations of linearised constraints at a price, inside a
 //! box (R. Fletcher, *Practical Methods of Optimization*, 1987, 14.4: the Sℓ₁QP method). Constraints that contradict each other
-//! are nothing special then. The Hessian is that of the damped BFGS update (J. Nocedal, S. J. Wright, *Numerical
-//! Optimization*, 2006, 18.3).
+//! are nothing special then. The Hessian is made of damped BFGS updates, one for each stage of the program; see [`super::blocks`].
 //!
-//! At a kink no smooth model is right. What a step finds that fails is the linearisation of another piece of the function: the
-//! model is then the larger of the two, as in bundle methods (J.-B. Hiriart-Urruty, C. Lemaréchal, *Convex Analysis and
-//! Minimization Algorithms II*, 1993, ch. XV). Where such a model promises nothing any more, a convex combination of derivatives
-//! around the point vanishes: no direction leads down.
+//! At a kink no smooth model is right. What a step finds that fails, or that ends at a kink, are the slopes of cost and constraints on its other side: the
+//! model bends there with all of them; see [`super::hinges`]. A step stays on the side of a kink that it begins on, or crosses it where the
+//! multiplier of that promises more than the bend costs. Where it stays and nothing is promised any more, the derivatives on both sides have a
+//! combination that vanishes: no direction leads down.
 
+use super::blocks::{bends, Block, Hessian};
+use super::hinges::{bend, Hinge};
 use super::missed;
 use crate::error::{Error, Result};
 use crate::nlp::IterationInfo;
 use crate::qp::{Condensing, Price, QpSolution, QpSolver, QpStatus, Row, StageQp, Terms};
+use nalgebra::DMatrix;
 
 /// What the box is at first, as a share of the sizes of the variables, and where it is too small to go on.
 const FIRST_BOX: f64 = 0.1;
 const LAST_BOX: f64 = 1e-8;
-/// The largest one.
-const WIDEST: f64 = 1.0;
 /// Shares of the predicted decrease from which a step is taken, from which the box stays, and from which it grows.
 const TAKEN: f64 = 1e-4;
 const FAIR: f64 = 0.25;
@@ -28,7 +28,8 @@ const GOOD: f64 = 0.75;
 /// of a step that counts.
 const NOTHING: f64 = 1e-10;
 const PROGRESS: f64 = 1e-7;
-/// Predicted decrease over the box, relative to the steepest slope, below which no direction leads down.
+/// Predicted decrease over the box, or over the sizes of the variables where it is larger, relative to the steepest slope, below which no direction leads
+/// down.
 const STILL: f64 = 1e-2;
 /// Violation of a constraint, relative to what the variables change it by, that counts as none.
 const MET: f64 = 1e-7;
@@ -46,15 +47,11 @@ const STEEPER: f64 = 4.0;
 /// Share of the violation that a step must promise to take away, or else violations become dearer.
 const PROMISE: f64 = 0.5;
 const HELPED: f64 = 0.9;
-/// Pieces on the other side of kinks that are remembered at most, the cosine from which two are the same, and the distance,
-/// in boxes, from which one says nothing any more.
+/// Points on the other side of kinks that are remembered at most, the cosine of directions across kinks from which two are of the same, and the
+/// distance, in boxes, from which one says nothing any more.
 const PIECES: usize = 12;
 const PARALLEL: f64 = 0.999;
 const FAR: f64 = 100.0;
-/// Share of a known curvature that is added to it: combinations of variables may have none.
-const REGULAR: f64 = 1e-3;
-/// Least curvature along a step, relative to that of the model, of Powell's damping.
-const DAMPING: f64 = 0.2;
 
 /// Distance, in the sizes of the variables, at which the end of a descent is looked around, the curvature there as a share of what counts as steep,
 /// first-order change that ends that, and the one that counts as none.
@@ -75,9 +72,8 @@ pub(in crate::ocp) struct Values {
     pub usual: Vec<f64>,
     /// Row by row, `[m · n]`.
     pub jacobian: Vec<f64>,
-    /// Second derivatives of the cost as far as they are known without those of what the variables lead to, none negative, `[n · n]`: of
-    /// [`Program::evaluate_curved`] only, else empty.
-    pub curvature: Vec<f64>,
+    /// What cost and constraints are made of, where the program takes them apart.
+    pub blocks: Vec<Block>,
 }
 
 impl Values {
@@ -89,6 +85,15 @@ impl Values {
         self.rows.clear();
         self.usual.clear();
         self.jacobian.clear();
+        self.blocks.clear();
+    }
+
+    /// Adds derivatives of the cost and of the constraints that a block has, where those of the state at the start of the problem are `start`.
+    pub fn push(&mut self, block: Block, start: &DMatrix<f64>) {
+        let (cost, rows) = block.derivatives(start);
+        self.gradient.iter_mut().zip(cost.iter()).for_each(|(g, v)| *g += v);
+        rows.row_iter().for_each(|row| self.jacobian.extend(row.iter()));
+        self.blocks.push(block);
     }
 
     /// Are cost and constraints numbers?
@@ -111,7 +116,7 @@ pub(in crate::ocp) trait Program {
         self.evaluate(z, out)
     }
 
-    /// Values and derivatives with the curvature of the cost, where something is known of it.
+    /// Values and derivatives with the curvature of the cost in the blocks, where something is known of it.
     fn evaluate_curved(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
         self.evaluate(z, out)
     }
@@ -184,13 +189,14 @@ struct Descent<'a> {
     unit: f64,
     slope: f64,
     row_unit: Vec<f64>,
-    /// What is known of the Hessian where a descent begins, or nothing.
-    curvature: Vec<f64>,
+    hessian: Hessian,
     qp: StageQp,
     solver: Condensing,
     /// Price of violations.
     price: f64,
     pieces: Vec<Piece>,
+    /// What slopes change by over a step of length one, where no kink is.
+    curved: f64,
     /// Multipliers of the constraints as last found: kinks are looked at in the Lagrange function.
     multipliers: Vec<f64>,
 }
@@ -231,7 +237,7 @@ pub(in crate::ocp) fn minimise(
             z,
         }));
     };
-    descent.scale(&mut here);
+    descent.scale(&z, &mut here);
     let before = here.clone();
     let mut lowest = descent.run(&z, here, evaluations, watch)?;
     // multipliers of constraints whose slopes vanish, as that of a speed which friction has brought to rest, are without bound: what
@@ -276,14 +282,13 @@ pub(in crate::ocp) fn look_around(program: &mut dyn Program, lowest: &mut Lowest
     for _ in 0..2 * PIECES {
         descent.qp.hess_u.fill(0.0);
         (0..descent.n).for_each(|j| descent.qp.hess_u[j * (descent.n + 1)] = BENDING / AROUND);
-        if !descent.step(&y, &here, &here.rows, AROUND, &mut found) {
-            break;
-        }
+        let kinks = descent.hinges(&y, &here);
+        let Some(crossed) = descent.step(&y, &here, AROUND, &kinks, &mut found) else { break };
         descent.multipliers.copy_from_slice(&found.row_mu[..descent.m]);
-        let gain = descent.promised(&here, &found.u).0;
+        let gain = descent.promised(&here, &found.u, &kinks).0;
         if gain / AROUND < lowest_flat {
             lowest_flat = gain / AROUND;
-            last = Some((descent.certificate(&found), y.clone(), here.clone()));
+            last = Some((descent.certificate(&found, &kinks, &crossed), y.clone(), here.clone()));
         }
         if gain <= FLAT_AROUND * AROUND {
             break;
@@ -316,14 +321,14 @@ pub(in crate::ocp) fn restore(program: &mut dyn Program, z: &[f64]) -> Result<Op
         return Ok(None);
     }
     let Some(mut descent) = Descent::new(program, &here)? else { return Ok(None) };
-    descent.scale(&mut here);
+    descent.scale(z, &mut here);
     let mut y: Vec<f64> = z.iter().zip(&descent.size).map(|(z, s)| z / s).collect();
     let (mut found, mut there) = (QpSolution::new(&descent.qp), Values::default());
     let mut left = descent.violation(here.rows.iter().copied()).1;
-    descent.restart();
+    descent.restart(&here, None);
     for _ in 0..RESTORED {
         here.gradient.fill(0.0);
-        if left <= WELL_MET || !descent.step(&y, &here, &here.rows, FIRST_BOX, &mut found) {
+        if left <= WELL_MET || descent.step(&y, &here, FIRST_BOX, &[], &mut found).is_none() {
             break;
         }
         let next = descent.moved(&y, &found.u);
@@ -349,7 +354,7 @@ impl<'a> Descent<'a> {
         let steepest = |g: &[f64]| g.iter().zip(&size).fold(0f64, |a, (g, s)| a.max((g * s).abs()));
         let unit = steepest(&at.gradient);
         // where the slopes of a cost vanish, as those of an effort do where nothing is done, it is its curvature that says how large it is
-        let bends = at.curvature.iter().step_by(n + 1).zip(&size).fold(0f64, |a, (c, s)| a.max(0.5 * c * s * s));
+        let bends = bends(&at.blocks, n).iter().zip(&size).fold(0f64, |a, (c, s)| a.max(0.5 * c * s * s));
         let of_rows: Vec<f64> = at.jacobian.chunks_exact(n.max(1)).map(steepest).collect();
         let all = of_rows.iter().fold(unit.max(bends), |a, b| a.max(*b));
         if n == 0 || !(all > 0.0 && all.is_finite()) {
@@ -363,7 +368,8 @@ impl<'a> Descent<'a> {
             (1.0 / size.max(f64::MIN_POSITIVE)).min(f64::MAX)
         };
         let row_unit: Vec<f64> = (0..m).map(whole).collect();
-        let rows = vec![Row { node: 0, price: Some(Price { linear: 1.0, quadratic: 0.0 }) }; m + PIECES];
+        let priced = |i: usize| (i < m).then_some(Price { linear: 1.0, quadratic: 0.0 });
+        let rows = (0..m + PIECES).map(|i| Row { node: 0, price: priced(i) }).collect();
         let qp = StageQp::new(1, 1, n, rows)?;
         let over = |b: &[f64], s: &[f64]| b.iter().zip(s).map(|(b, s)| b / s).collect::<Vec<f64>>();
         let times = |b: &[f64], s: &[f64]| b.iter().zip(s).map(|(b, s)| b * s).collect::<Vec<f64>>();
@@ -372,9 +378,8 @@ impl<'a> Descent<'a> {
         let solver = Condensing::new(&qp)?;
         let steepest = unit;
         let unit = 1.0 / steepest.max(at.cost.abs()).max(bends).max(f64::MIN_POSITIVE);
-        let scaled = |(k, c): (usize, &f64)| c * unit * size[k / n] * size[k % n];
         Ok(Some(Descent {
-            curvature: at.curvature.iter().enumerate().map(scaled).collect(),
+            hessian: Hessian::default(),
             program,
             n,
             m,
@@ -390,12 +395,17 @@ impl<'a> Descent<'a> {
             solver,
             price: PRICE,
             pieces: Vec::new(),
+            curved: 0.0,
             multipliers: vec![0.0; m],
         }))
     }
 
-    /// Values in the units of the descent.
-    fn scale(&self, v: &mut Values) {
+    /// Values at `z` in the units of the descent.
+    fn scale(&self, z: &[f64], v: &mut Values) {
+        if v.blocks.is_empty() && v.gradient.len() == self.n {
+            v.blocks.push(Block::whole(z, &v.gradient, &v.jacobian));
+        }
+        v.blocks.iter_mut().for_each(|b| b.scale(&self.size));
         v.cost *= self.unit;
         v.gradient.iter_mut().zip(&self.size).for_each(|(g, s)| *g *= self.unit * s);
         v.rows.iter_mut().zip(&self.row_unit).for_each(|(c, f)| *c *= f);
@@ -430,15 +440,16 @@ impl<'a> Descent<'a> {
         let z: Vec<f64> = y.iter().zip(&self.size).map(|(y, s)| y * s).collect();
         let mut out = Values::default();
         let found = self.program.evaluate_plain(&z, &mut out)?;
-        self.scale(&mut out);
+        self.scale(&z, &mut out);
         let merit = self.merit(&out);
         Ok(if found && merit.is_finite() { merit } else { f64::INFINITY })
     }
 
     fn evaluate(&mut self, y: &[f64], out: &mut Values) -> Result<bool> {
         let z: Vec<f64> = y.iter().zip(&self.size).map(|(y, s)| y * s).collect();
+        out.blocks.clear();
         let found = self.program.evaluate(&z, out)?;
-        self.scale(out);
+        self.scale(&z, out);
         Ok(found && out.cost.is_finite() && out.gradient.iter().chain(&out.jacobian).all(|v| v.is_finite()))
     }
 
@@ -465,29 +476,102 @@ impl<'a> Descent<'a> {
         v.cost + self.price * self.violation(v.rows.iter().copied()).0
     }
 
-    /// Solves the model at `here` within a box. False where that fails.
-    fn step(&mut self, y: &[f64], here: &Values, rows: &[f64], radius: f64, out: &mut QpSolution) -> bool {
-        let qp = &mut self.qp;
+    /// Kinks that are known, as they are seen from a point.
+    fn hinges(&self, y: &[f64], here: &Values) -> Vec<Option<Hinge>> {
+        self.pieces.iter().map(|p| Hinge::between((y, here), (&p.y, &p.values), self.curved)).collect()
+    }
+
+    /// Solves the model at `here` within a box: on the side of all kinks that the point is on, then behind those that are worth crossing, one after
+    /// the other, as long as the model promises more. Which are crossed; `None` where that fails.
+    fn step(
+        &mut self,
+        y: &[f64],
+        here: &Values,
+        radius: f64,
+        kinks: &[Option<Hinge>],
+        out: &mut QpSolution,
+    ) -> Option<Vec<bool>> {
+        let mut crossed = vec![false; kinks.len()];
+        if !self.solve_on(y, here, &here.rows, radius, (kinks, &crossed), out) {
+            return None;
+        }
+        let mut best = self.promised(here, &out.u, kinks).0;
+        let mut tried = crossed.clone();
+        loop {
+            let worth = |k: usize| -> f64 {
+                let push = out.row_mu[self.m + k];
+                kinks[k].as_ref().map_or(0.0, |h| push - h.bend(&out.row_mu[..self.m]).max(0.0))
+            };
+            let open = (0..kinks.len()).filter(|&k| !tried[k] && out.row_mu[self.m + k] > NOTHING && worth(k) > 0.0);
+            let Some(k) = open.max_by(|&a, &b| worth(a).total_cmp(&worth(b))) else { break };
+            tried[k] = true;
+            crossed[k] = true;
+            let mut other = out.clone();
+            if self.reaches(kinks[k].as_ref(), y, radius)
+                && self.solve_on(y, here, &here.rows, radius, (kinks, &crossed), &mut other)
+            {
+                let promised = self.promised(here, &other.u, kinks).0;
+                if promised > best {
+                    best = promised;
+                    out.clone_from(&other);
+                    continue;
+                }
+            }
+            crossed[k] = false;
+        }
+        // the model is that of the solution
+        crossed.iter().any(|c| *c).then(|| self.solve_on(y, here, &here.rows, radius, (kinks, &crossed), out));
+        Some(crossed)
+    }
+
+    /// Is a kink within the box?
+    fn reaches(&self, kink: Option<&Hinge>, y: &[f64], radius: f64) -> bool {
+        let Some(kink) = kink else { return false };
+        let furthest = kink.across.iter().enumerate().map(|(j, g)| match *g > 0.0 {
+            true => g * (self.upper[j] - y[j]).min(radius).max(0.0),
+            false => g * (self.lower[j] - y[j]).max(-radius).min(0.0),
+        });
+        furthest.sum::<f64>() > kink.distance
+    }
+
+    /// Solves the model at `here`, with constraints of these values, within a box and on these sides of kinks. False where that fails.
+    fn solve_on(
+        &mut self,
+        y: &[f64],
+        here: &Values,
+        rows: &[f64],
+        radius: f64,
+        (kinks, crossed): (&[Option<Hinge>], &[bool]),
+        out: &mut QpSolution,
+    ) -> bool {
+        let (n, m, qp) = (self.n, self.m, &mut self.qp);
         qp.grad_u.copy_from_slice(&here.gradient);
-        for j in 0..self.n {
+        for j in 0..n {
             qp.u_lower[j] = (self.lower[j] - y[j]).max(-radius).min(0.0);
             qp.u_upper[j] = (self.upper[j] - y[j]).min(radius).max(0.0);
         }
-        qp.row_u[..self.m * self.n].copy_from_slice(&here.jacobian);
-        for i in 0..self.m {
+        qp.row_u[..m * n].copy_from_slice(&here.jacobian);
+        for i in 0..m {
             qp.row_lower[i] = self.row_lower[i] - rows[i];
             qp.row_upper[i] = self.row_upper[i] - rows[i];
             qp.rows[i].price = Some(Price { linear: self.price, quadratic: 0.0 });
         }
-        let rows = self.pieces.iter().map(Some).chain(std::iter::repeat(None)).take(PIECES);
-        for (i, piece) in rows.enumerate() {
-            let slopes = &mut qp.row_u[(self.m + i) * self.n..][..self.n];
-            qp.row_upper[self.m + i] = match piece {
-                // of a convex function the other piece is below at this point; what is above is curvature, and no more than that
-                // is known of where the piece begins
-                Some(p) => kink(p, y, here, &self.multipliers, slopes).abs(),
-                None => f64::INFINITY,
-            };
+        for i in 0..PIECES {
+            let row = m + i;
+            (qp.row_lower[row], qp.row_upper[row]) = (f64::NEG_INFINITY, f64::INFINITY);
+            let Some(kink) = kinks.get(i).and_then(Option::as_ref) else { continue };
+            qp.row_u[row * n..(row + 1) * n].copy_from_slice(&kink.across);
+            if !crossed[i] {
+                qp.row_upper[row] = kink.distance;
+                continue;
+            }
+            qp.row_lower[row] = kink.distance;
+            qp.grad_u.iter_mut().zip(&kink.across).for_each(|(g, a)| *g += kink.cost * a);
+            for (i, w) in kink.rows.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                qp.row_u[i * n..(i + 1) * n].iter_mut().zip(&kink.across).for_each(|(r, a)| *r += w * a);
+                qp.row_lower[i] += w * kink.distance;
+                qp.row_upper[i] += w * kink.distance;
+            }
         }
         if !self.solver.prepare(qp) || self.solver.solve(qp, &[0.0], &Terms::default()) != QpStatus::Solved {
             return false;
@@ -496,37 +580,45 @@ impl<'a> Descent<'a> {
         out.u.iter().all(|d| d.is_finite())
     }
 
+    /// What constraints change by in the model.
+    fn changes(&self, here: &Values, d: &[f64], kinks: &[Option<Hinge>]) -> Vec<f64> {
+        let mut out: Vec<f64> = here.jacobian.chunks_exact(self.n).map(|row| dot(row, d)).collect();
+        for kink in kinks.iter().flatten() {
+            let beyond = kink.beyond(d).max(0.0);
+            out.iter_mut().zip(&kink.rows).for_each(|(c, w)| *c += w * beyond);
+        }
+        out
+    }
+
     /// Decrease of the merit function that the model promises, and the violation it leaves.
-    fn promised(&self, here: &Values, d: &[f64]) -> (f64, f64) {
+    fn promised(&self, here: &Values, d: &[f64], kinks: &[Option<Hinge>]) -> (f64, f64) {
         let n = self.n;
         let curvature: f64 = (0..n).map(|j| d[j] * dot(&self.qp.hess_u[j * n..(j + 1) * n], d)).sum();
-        let linear = here.rows.iter().zip(here.jacobian.chunks_exact(n)).map(|(c, row)| c + dot(row, d));
-        let left = self.violation(linear).0;
-        let beyond =
-            |i: usize| (dot(&self.qp.row_u[(self.m + i) * n..][..n], d) - self.qp.row_upper[self.m + i]).max(0.0);
-        let kinks: f64 = (0..self.pieces.len()).map(beyond).sum();
+        let left = self.violation(here.rows.iter().zip(self.changes(here, d, kinks)).map(|(c, d)| c + d)).0;
+        let bends: f64 = kinks.iter().flatten().map(|k| k.cost * k.beyond(d).max(0.0)).sum();
         let now = self.violation(here.rows.iter().copied()).0;
-        (-dot(&here.gradient, d) - 0.5 * curvature - kinks + self.price * (now - left), left)
+        (-dot(&here.gradient, d) - bends - 0.5 * curvature + self.price * (now - left), left)
     }
 
     fn run(&mut self, z: &[f64], mut here: Values, evaluations: usize, watch: GiveUp) -> Result<Lowest> {
         let mut y: Vec<f64> = z.iter().zip(&self.size).map(|(z, s)| z / s).collect();
-        self.restart();
+        self.restart(&here, None);
         let mut found = QpSolution::new(&self.qp);
         let (mut there, mut radius, mut spent) = (Values::default(), FIRST_BOX, 1);
         let (mut fresh, mut flattest, mut promised) = (true, f64::INFINITY, f64::INFINITY);
         let mut certificate = (vec![0.0; self.m], Vec::new());
         while spent < evaluations && radius > LAST_BOX {
             self.pieces.retain(|p| p.y.iter().zip(&y).all(|(a, b)| (a - b).abs() <= FAR * radius));
-            if !self.step(&y, &here, &here.rows, radius, &mut found) {
+            let kinks = self.hinges(&y, &here);
+            let Some(crossed) = self.step(&y, &here, radius, &kinks, &mut found) else {
                 if fresh {
                     break;
                 }
-                self.restart();
+                self.restart(&here, None);
                 fresh = true;
                 continue;
-            }
-            let (mut gain, left) = self.promised(&here, &found.u);
+            };
+            let (mut gain, left) = self.promised(&here, &found.u, &kinks);
             let now = self.violation(here.rows.iter().copied());
             if now.1 > MET && left > PROMISE * now.0 && self.price < DEAREST && left < HELPED * promised {
                 // as long as that makes the step meet the constraints better
@@ -537,13 +629,19 @@ impl<'a> Descent<'a> {
             promised = f64::INFINITY;
             self.multipliers.copy_from_slice(&found.row_mu[..self.m]);
             if left <= MET && self.lower_price() {
-                gain = self.promised(&here, &found.u).0;
+                gain = self.promised(&here, &found.u, &kinks).0;
             }
-            let flat = gain / (radius * self.slope.max(NOTHING));
+            let flat = gain / (radius.min(1.0) * self.slope.max(NOTHING));
             if flat < flattest {
-                (flattest, certificate) = (flat, self.certificate(&found));
+                (flattest, certificate) = (flat, self.certificate(&found, &kinks, &crossed));
             }
             let mut next = self.moved(&y, &found.u);
+            if gain <= NOTHING && !fresh && !self.pieces.is_empty() {
+                // what crossed kinks have taught the Hessian may be all that holds a step back
+                self.restart(&here, None);
+                fresh = true;
+                continue;
+            }
             if gain <= NOTHING {
                 // too little to be measured, but slopes at its end are smaller where the Hessian is right
                 spent += 1;
@@ -558,13 +656,14 @@ impl<'a> Descent<'a> {
             let mut ratio = if reached { (self.merit(&here) - self.merit(&there)) / gain } else { f64::NEG_INFINITY };
             if reached && ratio < FAIR && self.violation(there.rows.iter().copied()).0 > now.0 + MET {
                 spent += 1;
-                self.correct((&y, &here), radius, gain, (&mut next, &mut there, &mut found, &mut ratio))?;
+                let model = (&kinks[..], &crossed[..]);
+                self.correct((&y, &here), (radius, gain), model, (&mut next, &mut there, &mut found, &mut ratio))?;
             }
             reached &= ratio.is_finite();
             let longest = found.u.iter().fold(0f64, |m, d| m.max(d.abs())).min(radius);
             let taken = reached && ratio > TAKEN;
             radius = match ratio {
-                r if r > GOOD => (2.0 * longest).max(radius).min(WIDEST),
+                r if r > GOOD => (2.0 * longest).max(radius),
                 r if r > FAIR => radius,
                 _ if taken => 0.5 * longest,
                 _ => 0.25 * longest,
@@ -575,8 +674,17 @@ impl<'a> Descent<'a> {
                 if self.merit(&here) - self.merit(&there) > PROGRESS {
                     flattest = f64::INFINITY;
                 }
-                y = next;
+                let before = std::mem::replace(&mut y, next);
                 std::mem::swap(&mut here, &mut there);
+                // a step that ends at a kink may end on either side of it
+                let at_kink = found.row_mu[self.m..].iter().any(|mu| mu.abs() > NOTHING) || crossed.contains(&true);
+                if ratio < GOOD || at_kink {
+                    self.remember(&y, &here, before, &there);
+                } else {
+                    let length = y.iter().zip(&before).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+                    let now = bend(&there, &here).norm() / length;
+                    self.curved = if self.curved > 0.0 { self.curved.min(now) } else { now };
+                }
                 self.rescale(&mut here);
             } else if reached {
                 // twice the distance at which the other piece begins, if it does within the step
@@ -611,12 +719,24 @@ impl<'a> Descent<'a> {
         })
     }
 
-    /// Multipliers of the constraints, and the pieces on the other side of kinks with theirs: what a step says of the point it begins at.
-    fn certificate(&self, found: &QpSolution) -> (Vec<f64>, Vec<(f64, Vec<f64>)>) {
-        let rows = found.row_mu[..self.m].iter().zip(&self.row_unit).map(|(mu, r)| mu * r / self.unit);
-        let pieces = self.pieces.iter().zip(&found.row_mu[self.m..]).filter(|(_, mu)| **mu > NOTHING);
+    /// Multipliers of the constraints, and points on the other side of kinks with the weights of their derivatives in the combination that vanishes: what
+    /// a step says of the point it begins at.
+    fn certificate(
+        &self,
+        found: &QpSolution,
+        kinks: &[Option<Hinge>],
+        crossed: &[bool],
+    ) -> (Vec<f64>, Vec<(f64, Vec<f64>)>) {
+        let multipliers = &found.row_mu[..self.m];
+        let rows = multipliers.iter().zip(&self.row_unit).map(|(mu, r)| mu * r / self.unit).collect();
+        let weight = |k: usize| match &kinks[k] {
+            Some(h) if crossed[k] => 1.0 + found.row_mu[self.m + k] / h.bend(multipliers),
+            Some(h) => found.row_mu[self.m + k] / h.bend(multipliers),
+            None => 0.0,
+        };
+        let acting = (0..kinks.len()).map(|k| (weight(k), k)).filter(|(w, _)| w.is_finite() && *w > NOTHING);
         let back = |p: &Piece| p.y.iter().zip(&self.size).map(|(y, s)| y * s).collect();
-        (rows.collect(), pieces.map(|(p, mu)| (*mu, back(p))).collect())
+        (rows, acting.map(|(w, k)| (w, back(&self.pieces[k]))).collect())
     }
 
     /// A price that only a start far from the constraints needed would make every step along curved constraints fail: where a step meets
@@ -635,13 +755,14 @@ impl<'a> Descent<'a> {
     fn correct(
         &mut self,
         (y, here): (&[f64], &Values),
-        radius: f64,
-        gain: f64,
+        (radius, gain): (f64, f64),
+        model: (&[Option<Hinge>], &[bool]),
         (next, there, found, ratio): (&mut Vec<f64>, &mut Values, &mut QpSolution, &mut f64),
     ) -> Result<()> {
-        let shifted: Vec<f64> = (0..self.m).map(|i| there.rows[i] - dot(row(here, self.n, i), &found.u)).collect();
+        let changes = self.changes(here, &found.u, model.0);
+        let shifted: Vec<f64> = there.rows.iter().zip(changes).map(|(c, d)| c - d).collect();
         let mut second = found.clone();
-        if !self.step(y, here, &shifted, radius, &mut second) {
+        if !self.solve_on(y, here, &shifted, radius, model, &mut second) {
             return Ok(());
         }
         let corrected = self.moved(y, &second.u);
@@ -657,19 +778,15 @@ impl<'a> Descent<'a> {
         Ok(())
     }
 
-    /// Remembers the end of a step that failed as another piece of the function. Is it one that was not known?
+    /// Remembers a point as one on the other side of a kink. Is it one that was not known?
     fn remember(&mut self, y: &[f64], here: &Values, at: Vec<f64>, values: &Values) -> bool {
-        let piece = Piece { y: at, values: values.clone() };
-        let slopes = |p: &Piece| {
-            let mut out = vec![0.0; self.n];
-            kink(p, y, here, &self.multipliers, &mut out);
-            out
-        };
-        let own = slopes(&piece);
-        let size = dot(&own, &own).sqrt();
-        let alike = |p: &Piece| {
-            let other = slopes(p);
-            dot(&own, &other) > PARALLEL * size * dot(&other, &other).sqrt()
+        let values = Values { blocks: Vec::new(), ..values.clone() };
+        let piece = Piece { y: at, values };
+        let kink = |p: &Piece| Hinge::between((y, here), (&p.y, &p.values), self.curved);
+        let own = kink(&piece);
+        let alike = |p: &Piece| match (&own, kink(p)) {
+            (Some(own), Some(other)) => dot(&own.across, &other.across) > PARALLEL,
+            (own, other) => own.is_none() && other.is_none(),
         };
         let same = self.pieces.iter().position(alike);
         match same {
@@ -689,69 +806,33 @@ impl<'a> Descent<'a> {
         y.iter().zip(d).zip(bounds).map(|((y, d), (l, u))| (y + d).max(*l).min(*u)).collect()
     }
 
-    /// The Hessian before steps have shown more of it: the curvature of the cost, and for what that says nothing of the steepest slope over the
-    /// widest box.
-    fn restart(&mut self) {
-        let (n, guess) = (self.n, self.slope.max(NOTHING) / WIDEST);
-        let h = &mut self.qp.hess_u;
-        match self.curvature.is_empty() {
-            true => h.fill(0.0),
-            false => h.copy_from_slice(&self.curvature),
-        }
-        let largest = h.iter().step_by(n + 1).fold(0f64, |m, d| m.max(*d));
-        for d in h.iter_mut().step_by(n + 1) {
-            *d += if *d > NOTHING * largest { REGULAR * *d } else { guess };
-        }
+    /// The Hessian before steps have shown more of it: the curvature of the cost, and for what that says nothing of one that was measured, or the
+    /// steepest slope over the sizes of the variables.
+    fn restart(&mut self, here: &Values, measured: Option<f64>) {
+        let guess = measured.unwrap_or(self.slope.max(NOTHING));
+        self.hessian.restart(&here.blocks, self.unit, guess, &mut self.qp.hess_u);
     }
 
-    /// The damped update with what a step shows of the cost with the multipliers of the model; the first one measures the Hessian.
+    /// The damped updates with what a step shows of the cost with the multipliers of the model; the first one measures the Hessian.
     fn update(&mut self, from: (&[f64], &Values), to: (&[f64], &Values), found: &QpSolution, first: bool) {
         let n = self.n;
         let ((y, here), (next, there)) = (from, to);
-        let s: Vec<f64> = next.iter().zip(y).map(|(a, b)| a - b).collect();
-        let mut change: Vec<f64> = there.gradient.iter().zip(&here.gradient).map(|(a, b)| a - b).collect();
-        for (i, mu) in found.row_mu[..self.m].iter().enumerate().filter(|(_, mu)| **mu != 0.0) {
-            let rows = row(there, n, i).iter().zip(row(here, n, i));
-            change.iter_mut().zip(rows).for_each(|(c, (a, b))| *c += mu * (a - b));
-        }
-        let (yy, ys) = (dot(&change, &change), dot(&change, &s));
-        if first && self.curvature.is_empty() && ys > 0.0 && (yy / ys).is_finite() {
-            (0..n).for_each(|j| self.qp.hess_u[j * (n + 1)] = yy / ys);
-        }
-        let h = &mut self.qp.hess_u;
-        let hs: Vec<f64> = (0..n).map(|j| dot(&h[j * n..(j + 1) * n], &s)).collect();
-        let (shs, sy) = (dot(&s, &hs), dot(&s, &change));
-        if !(shs > 0.0 && sy.is_finite()) {
-            return;
-        }
-        let theta = if sy >= DAMPING * shs { 1.0 } else { (1.0 - DAMPING) * shs / (shs - sy) };
-        change.iter_mut().zip(&hs).for_each(|(c, b)| *c = theta * *c + (1.0 - theta) * b);
-        let sr = dot(&s, &change);
-        for j in 0..n {
-            for i in 0..n {
-                h[j * n + i] += change[i] * change[j] / sr - hs[i] * hs[j] / shs;
+        let multipliers = &found.row_mu[..self.m];
+        if first && !self.hessian.curved {
+            let s: Vec<f64> = next.iter().zip(y).map(|(a, b)| a - b).collect();
+            let mut change: Vec<f64> = there.gradient.iter().zip(&here.gradient).map(|(a, b)| a - b).collect();
+            for (i, mu) in multipliers.iter().enumerate().filter(|(_, mu)| **mu != 0.0) {
+                let rows = row(there, n, i).iter().zip(row(here, n, i));
+                change.iter_mut().zip(rows).for_each(|(c, (a, b))| *c += mu * (a - b));
+            }
+            let (yy, ys) = (dot(&change, &change), dot(&change, &s));
+            if ys > 0.0 && (yy / ys).is_finite() {
+                self.restart(here, Some(yy / ys));
             }
         }
+        let weights: Vec<f64> = multipliers.iter().zip(&self.row_unit).map(|(mu, r)| mu * r).collect();
+        self.hessian.update(&here.blocks, &there.blocks, (self.unit, &weights), &mut self.qp.hess_u);
     }
-}
-
-/// What the linearisation of the Lagrange function at another piece is above that at `y`, and its slopes.
-fn kink(piece: &Piece, y: &[f64], here: &Values, multipliers: &[f64], slopes: &mut [f64]) -> f64 {
-    let n = slopes.len();
-    let there = &piece.values;
-    slopes.iter_mut().zip(there.gradient.iter().zip(&here.gradient)).for_each(|(s, (a, b))| *s = a - b);
-    let mut own = there.gradient.clone();
-    let (mut value, mut base) = (there.cost, here.cost);
-    for (i, mu) in multipliers.iter().enumerate().filter(|(_, mu)| **mu != 0.0) {
-        value += mu * there.rows[i];
-        base += mu * here.rows[i];
-        for j in 0..n {
-            slopes[j] += mu * (there.jacobian[i * n + j] - here.jacobian[i * n + j]);
-            own[j] += mu * there.jacobian[i * n + j];
-        }
-    }
-    let back: f64 = (0..n).map(|j| own[j] * (y[j] - piece.y[j])).sum();
-    value + back - base
 }
 
 fn row(v: &Values, n: usize, i: usize) -> &[f64] {
@@ -864,5 +945,90 @@ mod tests {
         let mut program = Given { lower: vec![0.0], upper: vec![2.0], size: vec![1.0], rows, f };
         let r = minimise(&mut program, &[0.2], 30, &mut |_| false).unwrap().unwrap();
         assert!((r.z[0] - 1.0).abs() < 1e-6 && r.violation < MET, "{r:?}");
+    }
+
+    /// `(x − a)² + y²` on a row with a kink, `y = 1 + |x − 1|`: its minimum is behind the kink, from where slopes of the row on this side lead astray, or
+    /// the kink itself.
+    #[test]
+    fn a_constraint_with_a_kink() {
+        for (aim, best, kink) in [(3.0, [1.5, 1.5], false), (1.5, [1.0, 1.0], true)] {
+            for start in [-3.0, -0.2, 0.9, 4.0] {
+                let f = move |z: &[f64], out: &mut Values| {
+                    let (x, y) = (z[0], z[1]);
+                    out.cost = (x - aim).powi(2) + y * y;
+                    out.gradient = vec![2.0 * (x - aim), 2.0 * y];
+                    (out.rows, out.usual) = (vec![y - (x - 1.0).abs()], vec![1.0]);
+                    out.jacobian = vec![-(x - 1.0).signum(), 1.0];
+                };
+                let free = |v: f64| vec![v; 2];
+                let rows = [vec![1.0], vec![1.0]];
+                let mut program = Given { lower: free(-10.0), upper: free(10.0), size: free(1.0), rows, f };
+                let r = minimise(&mut program, &[start, 3.0], 60, &mut |_| false).unwrap().unwrap();
+                let off = (r.z[0] - best[0]).abs().max((r.z[1] - best[1]).abs());
+                assert!(off < 1e-5 && r.violation < MET && r.stationary && r.kink == kink, "{aim} {start}: {r:?}");
+            }
+        }
+    }
+
+    /// `x_{k+1} = x_k + h (sin x_k + u_k)` from 0 to `x(1) = 2` with the least effort, in its controls, with the blocks of its stages.
+    struct Pushed {
+        n: usize,
+        bounds: [Vec<f64>; 3],
+        row: [Vec<f64>; 2],
+    }
+
+    impl Program for Pushed {
+        fn bounds(&self) -> (&[f64], &[f64], &[f64]) {
+            let [lower, upper, size] = &self.bounds;
+            (lower, upper, size)
+        }
+        fn row_bounds(&self) -> (&[f64], &[f64]) {
+            (&self.row[0], &self.row[1])
+        }
+        fn evaluate(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
+            let n = self.n;
+            let h = 1.0 / n as f64;
+            out.clear(n);
+            let (mut x, mut dx) = (0.0f64, DMatrix::zeros(1, n));
+            for (k, u) in z.iter().enumerate() {
+                let next = DMatrix::from_row_slice(1, 2, &[1.0 + h * x.cos(), h]);
+                let block = Block {
+                    begins: k == 0,
+                    states: 1,
+                    inputs: vec![x, *u],
+                    dense: dx.clone(),
+                    own: vec![(1, k, 1.0)],
+                    cost: vec![0.0, 2.0 * h * u],
+                    first: out.rows.len(),
+                    rows: if k + 1 == n { next.as_slice().to_vec() } else { Vec::new() },
+                    start: Vec::new(),
+                    curvature: None,
+                    next,
+                };
+                out.cost += h * u * u;
+                x += h * (x.sin() + u);
+                dx = block.by_variables(&block.next);
+                if k + 1 == n {
+                    out.rows.push(x);
+                    out.usual.push(1.0);
+                }
+                out.push(block, &DMatrix::zeros(1, n));
+            }
+            Ok(true)
+        }
+    }
+
+    /// Steps do not grow with the number of stages, and the blocks say the same as the whole.
+    #[test]
+    fn stages_have_curvatures_of_their_own() {
+        let mut spent = Vec::new();
+        for n in [10, 40, 160] {
+            let bounds = [vec![-20.0; n], vec![20.0; n], vec![1.0; n]];
+            let mut program = Pushed { n, bounds, row: [vec![2.0], vec![2.0]] };
+            let r = minimise(&mut program, &vec![0.1; n], 100, &mut |_| false).unwrap().unwrap();
+            assert!(r.stationary && r.violation < MET, "{n}: {r:?}");
+            spent.push(r.evaluations);
+        }
+        assert!(spent[2] <= 2 * spent[0], "{spent:?}");
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Last;
 use crate::error::{Error, Result};
-use crate::ocp::descent::{Lowest, Program, Record, RowOf, Shooting, Values};
+use crate::ocp::descent::{Gradients, Lowest, Program, RowOf, Shooting, Values};
 use crate::ocp::{stage_times, Multipliers, MultipliersOf, Ocp, OcpSensitivity};
 use nalgebra::{DMatrix, DVector};
 
@@ -87,43 +87,26 @@ impl Shooting<'_> {
         Ok(sum)
     }
 
-    /// Those of one motion, by the transpose of the derivatives of its pieces in reverse order.
+    /// Those of one motion: of its stages from the last one on, and of what depends on the state at its end.
     fn costates_at(&mut self, z: &[f64], multipliers: &[f64]) -> Result<Costates> {
-        let first = self.n_front();
-        let (_, records) = self.recorded(z)?.ok_or_else(missing)?;
-        let d = self.extended().system.dims();
-        let mut along = vec![0.0; first + d.x];
-        along[0] = 1.0;
-        let mut found = Costates { states: Vec::new(), params: vec![0.0; d.p], start: vec![0.0; d.x] };
-        let mut at_end = true;
-        for record in records.iter().rev() {
-            match record {
-                Record::Outputs { first: row, start, x, p } => {
-                    for i in 0..x.nrows() {
-                        let weight = row.map_or(1.0, |first| multipliers[first + i]);
-                        along.iter_mut().zip(x.row(i).iter()).for_each(|(a, v)| *a += weight * v);
-                        found.params.iter_mut().zip(p.row(i).iter()).for_each(|(a, v)| *a += weight * v);
-                        if let Some(start) = start {
-                            let before = start.row(i);
-                            found.start.iter_mut().zip(before.iter().skip(first)).for_each(|(a, v)| *a += weight * v);
-                        }
-                    }
-                }
-                Record::Piece { x, p } => {
-                    if std::mem::take(&mut at_end) {
-                        found.states.push(along[first..].to_vec());
-                    }
-                    let by = |m: &DMatrix<f64>| -> Vec<f64> {
-                        m.column_iter().map(|c| c.iter().zip(&along).map(|(a, b)| a * b).sum()).collect()
-                    };
-                    let (states, params) = (by(x), by(p));
-                    found.params.iter_mut().zip(&params).for_each(|(a, v)| *a += v);
-                    along = states;
-                }
-                Record::Stage => found.states.push(along[first..].to_vec()),
-            }
+        let (values, ends) = self.with_end(z)?.ok_or_else(missing)?;
+        let (nx, first) = (self.extended().system.dims().x, self.params_of_block());
+        let gradients = Gradients::new(&values.blocks, (1.0, multipliers));
+        let mut found = Costates {
+            states: gradients.of.iter().map(|g| g[..nx].to_vec()).collect(),
+            params: vec![0.0; self.extended().system.dims().p],
+            start: gradients.start,
+        };
+        found.start.resize(nx, 0.0);
+        for of in &gradients.of {
+            found.params.iter_mut().zip(&of[first..]).for_each(|(a, v)| *a += v);
         }
-        found.states.reverse();
+        let mut end = ends.cost;
+        end.resize(nx, 0.0);
+        for (row, by) in &ends.rows {
+            end.iter_mut().zip(by).for_each(|(a, v)| *a += multipliers[*row] * v);
+        }
+        found.states.push(end);
         Ok(found)
     }
 }

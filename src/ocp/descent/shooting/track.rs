@@ -32,7 +32,7 @@ impl Shooting<'_> {
     }
 
     /// Changes the controls of a stage that begins at a point so that it ends near a state. Where it ends then, if it does.
-    fn fit(&mut self, z: &mut Vec<f64>, k: usize, here: &super::Here, target: &[f64]) -> Result<Option<super::Here>> {
+    fn fit(&mut self, z: &mut Vec<f64>, k: usize, here: &super::Node, target: &[f64]) -> Result<Option<super::Node>> {
         let mut moved = self.controls_of(k);
         if k == 0 {
             moved.extend((0..self.ocp.system.dims().u).filter(|&j| self.is_linear(j)).map(|j| self.control_at(0, j)));
@@ -65,16 +65,15 @@ impl Shooting<'_> {
     }
 
     /// How far states are from others, in their sizes.
-    fn off(&self, here: &super::Here, target: &[f64]) -> DVector<f64> {
+    fn off(&self, here: &super::Node, target: &[f64]) -> DVector<f64> {
         let first = self.n_front();
         let of = |i: usize| (target[i] - here.x[first + i]) / self.usual.x[i];
         DVector::from_fn(target.len(), |i, _| of(i))
     }
 
     /// The change of variables, in their sizes, that takes away most of what states are off.
-    fn towards(&self, here: &super::Here, off: &DVector<f64>, moved: &[usize]) -> Option<DVector<f64>> {
-        let first = self.n_front();
-        let entry = |i: usize, j: usize| here.dx[(first + i, moved[j])] * self.sizes[moved[j]] / self.usual.x[i];
+    fn towards(&self, here: &super::Node, off: &DVector<f64>, moved: &[usize]) -> Option<DVector<f64>> {
+        let entry = |i: usize, j: usize| here.dx[(i, moved[j])] * self.sizes[moved[j]] / self.usual.x[i];
         let by = DMatrix::from_fn(off.len(), moved.len(), entry);
         let mut gram = by.transpose() * &by;
         let least = f64::EPSILON * gram.diagonal().max();
@@ -83,13 +82,13 @@ impl Shooting<'_> {
     }
 
     /// The end of a stage that begins at a point.
-    fn end_of_stage(&mut self, z: &[f64], k: usize, here: &super::Here) -> Result<Option<super::Here>> {
+    fn end_of_stage(&mut self, z: &[f64], k: usize, here: &super::Node) -> Result<Option<super::Node>> {
         // modes are those of the state
-        let mut end = super::Here { begins: true, ..here.clone() };
-        match self.stage(z, k, &mut end, &mut Values::default()) {
+        let start = super::Node { begins: true, ..here.clone() };
+        match self.stage(z, k, &start, here, &mut Values::default()) {
             Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => Err(e),
-            Ok(true) => Ok(Some(end).filter(|e| e.x.iter().all(|v| v.is_finite()))),
-            Ok(false) | Err(_) => Ok(None),
+            Ok(end) => Ok(end.filter(|e| e.x.iter().all(|v| v.is_finite()))),
+            Err(_) => Ok(None),
         }
     }
 }
