@@ -27,6 +27,21 @@ static swb_model *coulomb(swb_expr *g)
     return model;
 }
 
+/* What a unit of FMI cannot be; "/dev/null" serves as file and as library. */
+static void units(const swb_model *m)
+{
+    static const double x0[8] = {0};
+    const char *null = "/dev/null";
+    CHECK_OK(swb_model_write_fmu(m, null, null, 2, x0, N_STATES, NULL, 0, NULL, 0, 1e-6, 1e-8, 1.0));
+    CHECK_OK(swb_model_write_fmu(m, null, null, 3, x0, N_STATES, NULL, 0, NULL, 0, 1e-6, 1e-8, 1.0));
+    CHECK_STATUS(SWB_ERR_NULL, swb_model_write_fmu(m, NULL, null, 2, x0, N_STATES, NULL, 0, NULL, 0, 1e-6, 1e-8, 1.0));
+    CHECK_STATUS(SWB_ERR_NULL, swb_model_write_fmu(m, null, NULL, 2, x0, N_STATES, NULL, 0, NULL, 0, 1e-6, 1e-8, 1.0));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_write_fmu(m, null, null, 1, x0, N_STATES, NULL, 0, NULL, 0, 1e-6, 1e-8, 1.0));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_write_fmu(m, "/dev/no name", null, 2, x0, N_STATES, NULL, 0, NULL, 0, 1e-6, 1e-8, 1.0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_write_fmu(m, null, null, 2, x0, N_STATES + 1, NULL, 0, NULL, 0, 1e-6, 1e-8, 1.0));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_write_fmu(m, null, null, 2, x0, N_STATES, NULL, 0, NULL, 0, 1e-6, 1e-8, 0.0));
+}
+
 static void models(void)
 {
     swb_expr *g = NULL;
@@ -48,6 +63,7 @@ static void models(void)
     free(text);
     CHECK_OK(swb_model_write_c(model, NULL, 0, &needed));
     CHECK(needed > 1000);
+    units(model);
     CHECK_OK(swb_model_system(model, &system));
     swb_model_free(model);
     CHECK_OK(swb_system_sizes(system, &nx, NULL, NULL, NULL));

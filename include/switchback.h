@@ -5238,6 +5238,40 @@ swb_status swb_model_write_c(const struct swb_model *model,
                              int64_t *needed);
 
 /**
+ * Write a model as a functional mock-up unit (FMI) for model exchange and co-simulation. A copy of the shared library is in it: no compiler is
+ * needed.
+ *
+ * Variables are the states, their derivatives, the controls (inputs) and the parameters (tunable), by their names. Models with more coupled switching
+ * functions than a list of modes can hold become units for co-simulation alone.
+ *
+ * @param[in] path     of the file, UTF-8; its name without the ending .fmu is that of the unit, a C identifier
+ * @param[in] library  path of the shared library of switchback, as dlopen or the linker has found it
+ * @param[in] version  2 for FMI 2.0, 3 for FMI 3.0
+ * @param[in] x0       [nx] states at the start, the discrete ones too
+ * @param[in] u0       [nu] controls at the start
+ * @param[in] p0       [np] parameters
+ * @param[in] rtol     relative tolerance of co-simulation; importers may ask for another one
+ * @param[in] atol     absolute tolerance of co-simulation
+ * @param[in] duration usual length of a simulation
+ * @return SWB_OK; SWB_ERR_RANGE if the name is no C identifier, a value is not finite or not positive, or a file cannot be read or written;
+ *         SWB_ERR_DIMENSION; SWB_ERR_STATE if the model calls functions of the caller
+ */
+SWB_API
+swb_status swb_model_write_fmu(const struct swb_model *model,
+                               const char *path,
+                               const char *library,
+                               int64_t version,
+                               const double *x0,
+                               int64_t nx,
+                               const double *u0,
+                               int64_t nu,
+                               const double *p0,
+                               int64_t np,
+                               double rtol,
+                               double atol,
+                               double duration);
+
+/**
  * Free; systems made of the model stay. NULL is allowed.
  */
 SWB_API void swb_model_free(struct swb_model *model);
@@ -7865,8 +7899,8 @@ swb_status swb_nmpc_set_iterate(struct swb_nmpc *c,
 
 /**
  * Write the controller as C files (C99) to a folder, which is made if it is not there: prefix.h, prefix.c, prefix_main.c, prefix_record.h,
- * prefix_fmu.c, modelDescription.xml and Makefile. There is no heap, no thread and no clock; all memory is one static object of prefix_arena_bytes
- * bytes. "make fmu" makes a unit for co-simulation of them (FMI 2.0).
+ * prefix_fmu.c, modelDescription.xml, modelDescription_fmi3.xml, buildDescription.xml and Makefile. There is no heap, no thread and no clock; all
+ * memory is one static object of prefix_arena_bytes bytes. "make fmu" makes a unit for co-simulation of them (FMI 2.0), "make fmu3" one of FMI 3.0.
  *
  * The functions are prefix_prepare, prefix_feedback, prefix_set_reference, prefix_set_params, prefix_reset, prefix_plan_x and prefix_plan_u, described
  * in prefix.h. The controller in C begins with the present plan, parameters and references. The main program repeats a closed loop that is

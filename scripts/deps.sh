@@ -65,7 +65,7 @@ if [ ! -x "$build/venv/bin/python" ]; then
     python3 -m venv "$build/venv" || say "left out: Python tests and plots: no Python environment"
 fi
 if [ -x "$build/venv/bin/python" ] &&
-    ! "$build/venv/bin/python" -c "import numpy, scipy, matplotlib, pytest, setuptools, wheel, casadi, hypothesis, pyomo" 2> /dev/null; then
+    ! "$build/venv/bin/python" -c "import numpy, scipy, matplotlib, pytest, setuptools, wheel, casadi, hypothesis, pyomo, fmpy" 2> /dev/null; then
     say "installing Python modules into $build/venv"
-    "$build/venv/bin/pip" install --quiet --disable-pip-version-check numpy scipy matplotlib pytest setuptools wheel casadi hypothesis pyomo
+    "$build/venv/bin/pip" install --quiet --disable-pip-version-check numpy scipy matplotlib pytest setuptools wheel casadi hypothesis pyomo fmpy
 fi

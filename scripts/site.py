@@ -60,6 +60,7 @@ NAVIGATION = """
           - Pulse width modulation: howto/pwm.md
           - Sampled controllers: howto/sampled.md
           - Controllers on microcontrollers: howto/microcontroller.md
+          - Models in other simulators: howto/fmu.md
           - Moving horizon estimation: howto/moving_horizon.md
           - Terminal events: howto/events.md
           - Circuits with algebraic equations: howto/algebraic.md

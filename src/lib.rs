@@ -13,7 +13,7 @@
 //!   ([`system`], [`func`]); mechanical systems with contacts: [`scene`]; time-freezing: [`freezing`].
 //! - Simulate it: event-driven ([`event`]), with fixed steps of finite elements ([`sim`]), or by time stepping
 //!   ([`stepping`]).
-//! - Control it optimally ([`ocp`]), in real time ([`nmpc`]); solve programs with complementarity constraints ([`mpcc`]).
+//! - Control it optimally ([`ocp`]), in real time ([`nmpc`]); pass it on to other simulators ([`fmu`]); solve programs with complementarity constraints ([`mpcc`]).
 //! - Options are one type, [`Settings`]; what goes wrong is an [`Error`]; models and problems are written and read as
 //!   JSON by [`document`].
 //!
@@ -70,6 +70,7 @@ macro_rules! vec {
 pub mod document;
 pub mod event;
 pub mod expr;
+pub mod fmu;
 pub mod freezing;
 pub mod model;
 pub mod nmpc;

@@ -62,6 +62,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ),
     ("session", &["error", "stop", "settings", "func", "system", "event"]),
     ("document", &["error", "stop", "settings", "func", "expr", "system", "model", "scene", "fesd", "ocp"]),
+    ("fmu", &["error", "expr", "system", "model", "event", "document"]),
 ];
 /// Everybody may use these; they use `error` at most.
 const BELOW_ALL: &[&str] = &["memory", "parallel", "random"];

@@ -236,6 +236,7 @@ static void heater(const swb_settings *s)
     DO(swb_expr_apply, graph, SWB_OPERATOR_OR, &warm, &cold, NULL, &warm, 1);
     DO(swb_model_add_event, model, graph, "warm", SWB_EFFECT_NOTE, SWB_TRIGGER_EDGE, warm, SWB_DIRECTION_RISING, NULL, 0, NULL, 0, NULL, 0,
        NULL, 0, NULL, 0, NULL, 0, &n);
+    DO(swb_model_write_fmu, model, "/dev/null", "/dev/null", 3, start, 2, NULL, 0, NULL, 0, 1e-6, 1e-8, 1.0);
     DO(swb_model_get_rule, model, 2, &effect, &trigger, names, sizeof names, &n);
     DO(swb_model_transition_counts, model, &n, NULL);
     DO(swb_model_get_discrete, model, &initial, 1);

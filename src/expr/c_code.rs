@@ -119,6 +119,11 @@ pub(crate) fn is_c_identifier(name: &str) -> bool {
         && name.chars().next().is_some_and(|c| !c.is_ascii_digit())
 }
 
+/// FNV-1a over a text: changes with it, and is the same in every run.
+pub(crate) fn fingerprint(text: &str, seed: u64) -> u64 {
+    text.bytes().fold(0xcbf2_9ce4_8422_2325 ^ seed, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
+}
+
 /// Checks all names and declares what is called.
 fn declarations<'a>(out: &mut String, own: &[&str], tapes: impl Iterator<Item = &'a Tape>) -> Result<()> {
     let mut names: Vec<&str> = Vec::new();

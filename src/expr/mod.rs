@@ -34,7 +34,7 @@ mod switching;
 mod tape;
 mod text;
 
-pub(crate) use c_code::is_c_identifier;
+pub(crate) use c_code::{fingerprint, is_c_identifier};
 pub use c_code::{write_c, write_c_first, CReal};
 pub use clauses::Clauses;
 pub use dag::{Block, Dag, Id, Node};

@@ -282,6 +282,16 @@ impl SavedModel {
         Ok(())
     }
 
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Names of states, controls and parameters; empty where none are given.
+    pub fn names(&self) -> Names {
+        self.names.as_ref().map_or_else(Names::default, Names::from)
+    }
+
     /// The model, with its expressions added to a graph.
     ///
     /// # Errors

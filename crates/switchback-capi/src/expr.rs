@@ -7,8 +7,10 @@ use super::raw;
 use super::status::swb_status;
 use super::system::swb_system;
 use std::ffi::c_char;
+use std::path::Path;
 use switchback::error::{Error, Result};
 use switchback::expr::{write_c, Block, Dag, ExprFunction, Id, Operator, Piecewise};
+use switchback::fmu::{self, FmiVersion, Start};
 use switchback::func::Dims;
 use switchback::memory::sizes::{self, size};
 use switchback::model::{Built, Model, Names, Trial};
@@ -573,6 +575,53 @@ pub unsafe extern "C" fn swb_model_write_c(
             write_c(&all)
         })?;
         raw::write_text(text.as_bytes(), buf, len, needed)
+    })
+}
+
+/// Write a model as a functional mock-up unit (FMI) for model exchange and co-simulation. A copy of the shared library is in it: no compiler is
+/// needed.
+///
+/// Variables are the states, their derivatives, the controls (inputs) and the parameters (tunable), by their names. Models with more coupled switching
+/// functions than a list of modes can hold become units for co-simulation alone.
+///
+/// @param[in] path     of the file, UTF-8; its name without the ending .fmu is that of the unit, a C identifier
+/// @param[in] library  path of the shared library of switchback, as dlopen or the linker has found it
+/// @param[in] version  2 for FMI 2.0, 3 for FMI 3.0
+/// @param[in] x0       [nx] states at the start, the discrete ones too
+/// @param[in] u0       [nu] controls at the start
+/// @param[in] p0       [np] parameters
+/// @param[in] rtol     relative tolerance of co-simulation; importers may ask for another one
+/// @param[in] atol     absolute tolerance of co-simulation
+/// @param[in] duration usual length of a simulation
+/// @return SWB_OK; SWB_ERR_RANGE if the name is no C identifier, a value is not finite or not positive, or a file cannot be read or written;
+///         SWB_ERR_DIMENSION; SWB_ERR_STATE if the model calls functions of the caller
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_write_fmu(
+    model: *const swb_model,
+    path: *const c_char,
+    library: *const c_char,
+    version: i64,
+    x0: *const f64,
+    nx: i64,
+    u0: *const f64,
+    nu: i64,
+    p0: *const f64,
+    np: i64,
+    rtol: f64,
+    atol: f64,
+    duration: f64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (path, library) = (raw::text(path, "path")?, raw::text(library, "library")?);
+        let version = match version {
+            2 => FmiVersion::Two,
+            3 => FmiVersion::Three,
+            _ => return Err(Error::Range(format!("version is {version}: take 2 or 3"))),
+        };
+        let values = |v, n, what| Ok::<_, Error>(raw::slice(v, n, what)?.to_vec());
+        let (x, u, p) = (values(x0, nx, "x0")?, values(u0, nu, "u0")?, values(p0, np, "p0")?);
+        let start = Start { x, u, p, rtol, atol, duration };
+        handle::with_ref(model, |m| fmu::write(m, version, &start, Path::new(library), Path::new(path)))
     })
 }
 

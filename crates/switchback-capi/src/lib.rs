@@ -97,6 +97,7 @@ macro_rules! vec {
     ($($tokens:tt)*) => { ::std::vec![$($tokens)*] };
 }
 
+mod fmi;
 pub mod guard;
 pub mod handle;
 mod json;

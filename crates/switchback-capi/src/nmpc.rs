@@ -818,8 +818,8 @@ pub unsafe extern "C" fn swb_nmpc_set_iterate(
 }
 
 /// Write the controller as C files (C99) to a folder, which is made if it is not there: prefix.h, prefix.c, prefix_main.c, prefix_record.h,
-/// prefix_fmu.c, modelDescription.xml and Makefile. There is no heap, no thread and no clock; all memory is one static object of prefix_arena_bytes
-/// bytes. "make fmu" makes a unit for co-simulation of them (FMI 2.0).
+/// prefix_fmu.c, modelDescription.xml, modelDescription_fmi3.xml, buildDescription.xml and Makefile. There is no heap, no thread and no clock; all
+/// memory is one static object of prefix_arena_bytes bytes. "make fmu" makes a unit for co-simulation of them (FMI 2.0), "make fmu3" one of FMI 3.0.
 ///
 /// The functions are prefix_prepare, prefix_feedback, prefix_set_reference, prefix_set_params, prefix_reset, prefix_plan_x and prefix_plan_u, described
 /// in prefix.h. The controller in C begins with the present plan, parameters and references. The main program repeats a closed loop that is

@@ -71,6 +71,23 @@ impl Cascade {
 impl Engine {
     /// The guard of watch `l` vanishes at the present point.
     pub(super) fn jump(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
+        let Some(made) = self.pass_guard(l, slope)? else { return Ok(Progress::Done) };
+        // what happens next may happen soon again: a step much longer than the time since the last jump finds it badly
+        self.stepper.h =
+            if self.calendar.recent.n > 1 { grown.min(LONGER * self.calendar.recent.last_gap()) } else { grown };
+        self.stepper.err_before = 1e-4;
+        if self.log.outcome != Outcome::Reached {
+            return Ok(Progress::Done);
+        }
+        if !made {
+            return Ok(Progress::Stepped);
+        }
+        Ok(self.accumulate()?.unwrap_or(Progress::Switched))
+    }
+
+    /// Makes the transition whose guard vanishes in watch `l`, and says whether it has been made: a guard may be back, or another output have to
+    /// pass zero too. None where the system is not defined there.
+    pub(super) fn pass_guard(&mut self, l: usize, slope: f64) -> Result<Option<bool>> {
         let Watch::Guard { guard, a, back, .. } = self.functions.watches[l] else {
             return Err(Error::Internal("a jump without a guard".into()));
         };
@@ -86,19 +103,10 @@ impl Engine {
         };
         if !recover(r.map(|()| true), false)? {
             let text = format!("the system is not defined where transition {guard} happens, or behind it");
-            return Ok(self.fail(Outcome::NoContinuation, text));
+            self.fail(Outcome::NoContinuation, text);
+            return Ok(None);
         }
-        // what happens next may happen soon again: a step much longer than the time since the last jump finds it badly
-        self.stepper.h =
-            if self.calendar.recent.n > 1 { grown.min(LONGER * self.calendar.recent.last_gap()) } else { grown };
-        self.stepper.err_before = 1e-4;
-        if self.log.outcome != Outcome::Reached {
-            return Ok(Progress::Done);
-        }
-        if back || !happens {
-            return Ok(Progress::Stepped);
-        }
-        Ok(self.accumulate()?.unwrap_or(Progress::Switched))
+        Ok(Some(!back && happens))
     }
 
     /// A guard that had passed zero is back; of several outputs one is, and what is watched is chosen anew.

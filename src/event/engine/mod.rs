@@ -17,6 +17,7 @@ mod locate;
 mod made;
 mod notes;
 mod order;
+mod outside;
 mod parts;
 mod record;
 mod search;

@@ -1,24 +1,38 @@
-//! A controller as a unit for co-simulation: FMI 2.0 (Modelica Association, *Functional Mock-up Interface for Model Exchange and Co-Simulation*, 2.0.4).
+//! A controller as a unit for co-simulation: FMI 2.0 and 3.0 (Modelica Association, *Functional Mock-up Interface*, 2.0.4 and 3.0.2).
 
 use super::table;
+use crate::expr::fingerprint;
 use crate::nmpc::Nmpc;
 use std::fmt::Write;
+use std::ops::Range;
 
 /// The functions of the standard around the controller.
 const FUNCTIONS: &str = include_str!("fmu.c");
 
+/// Where FMI 3.0 finds the sources of a unit.
+const BUILD: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>
+<fmiBuildDescription fmiVersion=\"3.0\">
+  <BuildConfiguration modelIdentifier=\"@prefix@\">
+    <SourceFileSet language=\"C99\">
+      <SourceFile name=\"@prefix@_fmu.c\"/>
+      <SourceFile name=\"@prefix@.c\"/>
+      <PreprocessorDefinition name=\"FMI_VERSION\" value=\"3\"/>
+    </SourceFileSet>
+  </BuildConfiguration>
+</fmiBuildDescription>
+";
+
 /// A scalar of the unit.
-fn scalar(out: &mut String, name: &str, number: usize, how: &str, kind: &str, start: &str) {
-    let _ = writeln!(
-        out,
-        "    <ScalarVariable name=\"{name}\" valueReference=\"{number}\" {how}><{kind} start=\"{start}\"/></ScalarVariable>"
-    );
+struct Scalar {
+    name: String,
+    /// Causality and variability.
+    how: &'static str,
+    start: f64,
 }
 
-/// FNV-1a over a text: changes with it, and is the same in every run.
-fn hash(text: &str, seed: u64) -> u64 {
-    text.bytes().fold(0xcbf2_9ce4_8422_2325 ^ seed, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
-}
+const INPUT: &str = "causality=\"input\" variability=\"discrete\"";
+const OUTPUT: &str = "causality=\"output\" variability=\"discrete\" initial=\"exact\"";
+const TUNABLE: &str = "causality=\"parameter\" variability=\"tunable\" initial=\"exact\"";
 
 impl Nmpc {
     /// Terms with one reference for all nodes: those that the unit has as inputs.
@@ -43,12 +57,12 @@ impl Nmpc {
         start
     }
 
-    /// The functions of the standard, and the description of the unit, for a controller whose source is given.
-    pub(super) fn fmu(&self, prefix: &str, source: &str, [x, u]: [&[f64]; 2]) -> [String; 2] {
+    /// The functions of the standard, and the descriptions of the unit, for a controller whose source is given: files with their names.
+    pub(super) fn fmu(&self, prefix: &str, source: &str, [x, u]: [&[f64]; 2]) -> Vec<(String, String)> {
         let (nx, nu, np) = (self.nx(), self.nu(), self.model.nodes.np);
         let terms = self.fmu_terms();
         let sizes: Vec<usize> = terms.iter().map(|k| self.model.costs.squares[*k].f.n_out()).collect();
-        let guid = format!("{{{:016x}-{:016x}}}", hash(source, 0), hash(source, 1));
+        let guid = format!("{{{:016x}-{:016x}}}", fingerprint(source, 0), fingerprint(source, 1));
         let sample = self.model.nodes.h[0];
         let starts = self.fmu_starts(&terms, x, u);
         let mut data = format!(
@@ -61,47 +75,98 @@ impl Nmpc {
         table(&mut data, "double", "START", starts.iter().map(|v| format!("{v:e}")));
         let functions = FUNCTIONS.replace("@data@", &data).replace("@prefix@", prefix);
 
-        let mut all = String::new();
-        let mut number = 0;
-        let mut put = |name: String, how: &str| {
-            scalar(&mut all, &name, number, how, "Real", &format!("{:e}", starts[number]));
-            number += 1;
-        };
-        let input = "causality=\"input\" variability=\"discrete\"";
-        let output = "causality=\"output\" variability=\"discrete\" initial=\"exact\"";
-        (1..=nx).for_each(|i| put(format!("x[{i}]"), input));
-        (1..=nu).for_each(|i| put(format!("u[{i}]"), output));
+        let mut all: Vec<Scalar> = Vec::with_capacity(starts.len());
+        let mut put = |name: String, how| all.push(Scalar { name, how, start: starts[all.len()] });
+        (1..=nx).for_each(|i| put(format!("x[{i}]"), INPUT));
+        (1..=nu).for_each(|i| put(format!("u[{i}]"), OUTPUT));
         for (k, n) in terms.iter().zip(&sizes) {
-            (1..=*n).for_each(|i| put(format!("reference_{}[{i}]", k + 1), input));
+            (1..=*n).for_each(|i| put(format!("reference_{}[{i}]", k + 1), INPUT));
         }
-        let tunable = "causality=\"parameter\" variability=\"tunable\" initial=\"exact\"";
-        (1..=np).for_each(|i| put(format!("p[{i}]"), tunable));
-        scalar(&mut all, "source", 0, output, "Integer", "3");
-        let outputs = (nx + 1..=nx + nu).chain([number + 1]);
-        let unknowns: String = outputs.map(|i| format!("      <Unknown index=\"{i}\"/>\n")).collect();
-        let description = format!(
-            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>
+        (1..=np).for_each(|i| put(format!("p[{i}]"), TUNABLE));
+        let controls = nx..nx + nu;
+        let experiment = format!(
+            "<DefaultExperiment startTime=\"0\" stopTime=\"{:e}\" stepSize=\"{sample:e}\"/>",
+            sample * self.n() as f64
+        );
+        vec![
+            (format!("{prefix}_fmu.c"), functions),
+            ("modelDescription.xml".into(), two(prefix, &guid, &experiment, &all, controls.clone())),
+            ("modelDescription_fmi3.xml".into(), three(prefix, &guid, &experiment, &all, controls)),
+            ("buildDescription.xml".into(), BUILD.replace("@prefix@", prefix)),
+        ]
+    }
+}
+
+/// The description of FMI 2.0.
+fn two(prefix: &str, guid: &str, experiment: &str, all: &[Scalar], controls: Range<usize>) -> String {
+    let mut variables = String::new();
+    let mut put = |name: &str, number: usize, how: &str, kind: String| {
+        let _ = writeln!(
+            variables,
+            "    <ScalarVariable name=\"{name}\" valueReference=\"{number}\" {how}><{kind}/></ScalarVariable>"
+        );
+    };
+    for (k, s) in all.iter().enumerate() {
+        put(&s.name, k, s.how, format!("Real start=\"{:e}\"", s.start));
+    }
+    put("source", 0, OUTPUT, "Integer start=\"3\"".into());
+    let outputs = controls.map(|k| k + 1).chain([all.len() + 1]);
+    let unknowns: String = outputs.map(|i| format!("      <Unknown index=\"{i}\"/>\n")).collect();
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>
 <fmiModelDescription fmiVersion=\"2.0\" modelName=\"{prefix}\" guid=\"{guid}\" description=\"A model predictive controller\" \
-             generationTool=\"switchback {version}\" variableNamingConvention=\"structured\" numberOfEventIndicators=\"0\">
+         generationTool=\"switchback {version}\" variableNamingConvention=\"structured\" numberOfEventIndicators=\"0\">
   <CoSimulation modelIdentifier=\"{prefix}\" canHandleVariableCommunicationStepSize=\"true\" \
-             canBeInstantiatedOnlyOncePerProcess=\"true\" canNotUseMemoryManagementFunctions=\"true\">
+         canBeInstantiatedOnlyOncePerProcess=\"true\" canNotUseMemoryManagementFunctions=\"true\">
     <SourceFiles>
       <File name=\"{prefix}_fmu.c\"/>
       <File name=\"{prefix}.c\"/>
     </SourceFiles>
   </CoSimulation>
-  <DefaultExperiment startTime=\"0\" stopTime=\"{stop:e}\" stepSize=\"{sample:e}\"/>
+  {experiment}
   <ModelVariables>
-{all}  </ModelVariables>
+{variables}  </ModelVariables>
   <ModelStructure>
     <Outputs>
 {unknowns}    </Outputs>
   </ModelStructure>
 </fmiModelDescription>
 ",
-            version = env!("CARGO_PKG_VERSION"),
-            stop = sample * self.n() as f64,
+        version = env!("CARGO_PKG_VERSION"),
+    )
+}
+
+/// The description of FMI 3.0, in which value references count variables of all types.
+fn three(prefix: &str, guid: &str, experiment: &str, all: &[Scalar], controls: Range<usize>) -> String {
+    let mut variables = String::new();
+    for (k, s) in all.iter().enumerate() {
+        let _ = writeln!(
+            variables,
+            "    <Float64 name=\"{}\" valueReference=\"{k}\" {} start=\"{:e}\"/>",
+            s.name, s.how, s.start
         );
-        [functions, description]
     }
+    let n = all.len();
+    let _ = writeln!(variables, "    <Int32 name=\"source\" valueReference=\"{n}\" {OUTPUT} start=\"3\"/>");
+    let _ = writeln!(
+        variables,
+        "    <Float64 name=\"time\" valueReference=\"{}\" causality=\"independent\" variability=\"continuous\"/>",
+        n + 1
+    );
+    let outputs: String = controls.chain([n]).map(|k| format!("    <Output valueReference=\"{k}\"/>\n")).collect();
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>
+<fmiModelDescription fmiVersion=\"3.0\" modelName=\"{prefix}\" instantiationToken=\"{guid}\" \
+         description=\"A model predictive controller\" generationTool=\"switchback {version}\" variableNamingConvention=\"structured\">
+  <CoSimulation modelIdentifier=\"{prefix}\" canHandleVariableCommunicationStepSize=\"true\" \
+         canBeInstantiatedOnlyOncePerProcess=\"true\"/>
+  {experiment}
+  <ModelVariables>
+{variables}  </ModelVariables>
+  <ModelStructure>
+{outputs}  </ModelStructure>
+</fmiModelDescription>
+",
+        version = env!("CARGO_PKG_VERSION"),
+    )
 }

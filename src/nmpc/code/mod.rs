@@ -26,7 +26,7 @@ const BLOW: f64 = 0.005;
 /// The files of a controller.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CCode {
-    /// Names and contents: header, source, a program that runs the recorded loop, its data, functions and description of a unit for
+    /// Names and contents: header, source, a program that runs the recorded loop, its data, functions and descriptions of a unit for
     /// co-simulation, and a Makefile.
     pub files: Vec<(String, String)>,
 }
@@ -122,7 +122,7 @@ impl Nmpc {
     /// void prefix_reset(void);
     /// ```
     ///
-    /// `make fmu` makes a unit for co-simulation of them (FMI 2.0): inputs are the state and the references, outputs the control and its source.
+    /// `make fmu` makes a unit for co-simulation of them (FMI 2.0), `make fmu3` one of FMI 3.0: inputs are the state and the references, outputs the control and its source.
     ///
     /// Quadratic programs are solved stage by stage. The controller in C begins with the present plan, parameters and references, as this one
     /// does after [`Nmpc::set_iterate`] with its plan, which is where the call leaves it. The files hold a loop of this controller, recorded with
@@ -147,22 +147,20 @@ impl Nmpc {
         let w = Writer { real };
         let source = self.c_source(&w, prefix, &x, &u)?;
         let record = self.c_record(&w, prefix, &x, &u)?;
-        let [functions, description] = self.fmu(prefix, &source, [&x, &u]);
+        let unit = self.fmu(prefix, &source, [&x, &u]);
         let named = |text: &str| {
             let upper = prefix.to_ascii_uppercase();
             text.replace("@PREFIX@", &upper).replace("@prefix@", prefix)
         };
-        Ok(CCode {
-            files: vec![
-                (format!("{prefix}.h"), self.c_header(real, prefix)),
-                (format!("{prefix}.c"), source),
-                (format!("{prefix}_main.c"), named(MAIN)),
-                (format!("{prefix}_record.h"), record),
-                (format!("{prefix}_fmu.c"), functions),
-                ("modelDescription.xml".into(), description),
-                ("Makefile".into(), named(MAKEFILE)),
-            ],
-        })
+        let mut files = vec![
+            (format!("{prefix}.h"), self.c_header(real, prefix)),
+            (format!("{prefix}.c"), source),
+            (format!("{prefix}_main.c"), named(MAIN)),
+            (format!("{prefix}_record.h"), record),
+        ];
+        files.extend(unit);
+        files.push(("Makefile".into(), named(MAKEFILE)));
+        Ok(CCode { files })
     }
 
     /// What the kernel does not know.

@@ -1251,6 +1251,7 @@ FUNCTIONS = {
     "swb_model_counts": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_model_report": (c_int32, [c_void_p, c_int32, c_void_p, c_int64, c_void_p]),
     "swb_model_write_c": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_model_write_fmu": (c_int32, [c_void_p, c_char_p, c_char_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_double, c_double, c_double]),
     "swb_model_free": (None, [c_void_p]),
     "swb_system_add_choice": (c_int32, [c_void_p, c_int64, c_void_p, c_int64, c_double, c_void_p]),
     "swb_model_add_choice": (c_int32, [c_void_p, c_int64, c_void_p, c_int64, c_double, c_void_p]),

@@ -72,3 +72,15 @@ def _open() -> tuple[ctypes.CDLL, str]:
 
 lib, path = _open()
 version: str = lib.swb_version().decode()
+
+
+def file_of() -> str:
+    """The file of the library: where it was found by its name alone, among those that the process has mapped."""
+    if os.path.exists(path):
+        return os.path.realpath(path)
+    try:
+        with open("/proc/self/maps") as maps:
+            mapped = [line.split()[-1] for line in maps]
+    except OSError:
+        mapped = []
+    return next((file for file in mapped if os.path.basename(file).startswith(_names()[0])), path)

@@ -15,7 +15,9 @@ import html
 import json
 import math
 import operator
+import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Callable, Iterable, Iterator, Sequence
 
 import numpy
@@ -25,7 +27,7 @@ from ._arrays import address, index, number, real
 from ._call import Handle, call, encode, text
 from ._document import Reader
 from ._ffi import Direction, Effect, Trigger
-from ._library import lib
+from ._library import file_of, lib
 from ._names import Named, nearest, split
 from ._trace import check_captured
 from .errors import ArgumentError, DimensionError, RangeError, SwitchbackError, UnsupportedError
@@ -1150,6 +1152,49 @@ class Model(Jumping, Named):
     def c_code(self) -> str:
         """C code of all functions of the model with their derivatives."""
         return text(lib.swb_model_write_c, self._build())
+
+    def write_fmu(
+        self,
+        path: str | os.PathLike,
+        x0: Any,
+        *,
+        controls: Any = None,
+        params: Any = None,
+        version: int = 2,
+        rtol: float = 1e-8,
+        atol: float = 1e-10,
+        duration: float = 1.0,
+    ) -> Path:
+        """Write the model as a functional mock-up unit (FMI), which simulators of other tools import, and return its path.
+
+        path              of the file; its name without `.fmu` is that of the unit, a C identifier
+        x0                states at the start; discrete states may be left out
+        controls, params  values at the start, zeros where they are left out; controls are inputs, parameters can be tuned
+        version           2 for FMI 2.0, 3 for FMI 3.0
+        rtol, atol        tolerances of co-simulation; importers may ask for another relative one
+        duration          usual length of a simulation
+
+        One file serves model exchange and co-simulation. In co-simulation the engine of the library makes the steps. In model exchange the importer
+        does: event indicators stay positive as long as the modes hold, and behind an event the library says which modes follow, with
+        transitions, resets and sliding modes. The unit holds a copy of the shared library, for this platform. Raises `StateError` where the model
+        calls functions of its own. FMI: Functional Mock-up Interface, versions 2.0.4 and 3.0.2, Modelica Association.
+        """
+        s = self.system()
+        path = Path(path)
+        x = s._start(x0, "x0")
+        u = numpy.zeros(self.nu) if controls is None else s._controls(controls)
+        p = numpy.zeros(self.np) if params is None else s._params(params)
+        self._build()._do(
+            "write_fmu",
+            os.fsencode(path),
+            os.fsencode(file_of()),
+            index(version, "version"),
+            *(part for v in (x, u, p) for part in (address(v), v.size)),
+            number(rtol, "rtol"),
+            number(atol, "atol"),
+            number(duration, "duration"),
+        )
+        return path
 
     def to_json(self) -> str:
         """The model as a document in JSON: for bug reports, and to pass it on; with its transitions, with its discrete

@@ -300,21 +300,23 @@ class Nmpc(Handle):
 
     def write_c(self, folder: str | os.PathLike, prefix: str = "controller", precision: str | CReal = "double") -> list[Path]:
         """Write the controller as C files (C99) without heap, threads or a clock, and return their paths: `prefix.h`, `prefix.c`,
-        `prefix_main.c`, `prefix_record.h`, `prefix_fmu.c`, `modelDescription.xml` and `Makefile`.
+        `prefix_main.c`, `prefix_record.h`, `prefix_fmu.c`, `modelDescription.xml`, `modelDescription_fmi3.xml`, `buildDescription.xml` and
+        `Makefile`.
 
         folder     is made if it is not there
         prefix     what names begin with
         precision  "double" or "float"
 
         The controller in C begins with the present plan, parameters and references: call `initialise` before. `make test` in the folder repeats a
-        closed loop that is recorded here, `make fmu` makes a unit for co-simulation (FMI 2.0); this controller is afterwards as after `set_iterate` with its plan. It takes smooth problems from
-        expressions with least squares, explicit methods, schemes "rti" and "as_rti" with level "d0", and `qp_solver="stagewise"`.
+        closed loop that is recorded here; this controller is afterwards as after `set_iterate` with its plan. `make fmu` makes a unit for
+        co-simulation (FMI 2.0), `make fmu3` one of FMI 3.0. It takes smooth problems from expressions with least squares, explicit methods, schemes "rti" and "as_rti" with level "d0", and `qp_solver="stagewise"`.
         """
         folder = Path(folder)
         kind = int(choice(CReal, precision, "precision"))
         self._do("write_c", os.fsencode(folder), str(prefix).encode(), kind)
         own = [f"{prefix}{end}" for end in (".h", ".c", "_main.c", "_record.h", "_fmu.c")]
-        return [folder / name for name in (*own, "modelDescription.xml", "Makefile")]
+        others = ("modelDescription.xml", "modelDescription_fmi3.xml", "buildDescription.xml", "Makefile")
+        return [folder / name for name in (*own, *others)]
 
     def reset(self) -> None:
         """Back to the start: the guess of the problem, nothing measured."""
