@@ -5,7 +5,8 @@ usage: nmpc_dumps.py [--out FILE] [--repeat N]
 The loops are those of nmpc_loops.py under the RTI scheme. Before every feedback the program is written down apart from the controller: the
 plan is linearised by CasADi (classical Runge-Kutta steps, differentiated), with the Hessian of the least-squares terms, the bounds of
 the controls and the measured state. Solved by HPIPM on its stages, by DAQP and qpOASES on the program in the controls alone (states
-eliminated here, which does not count into their times), it must give the controls of the feedback. Differences are relative to the
+eliminated here, which does not count into their times), it must give the controls of the feedback. PIQP and Clarabel (packages `piqp`, `clarabel`,
+where they are installed) have the stages through their own interfaces. Differences are relative to the
 largest control; times are those of the calls as CasADi makes them (HPIPM, DAQP and qpOASES begin without a guess), ours those of
 `feedback`, which begins with the last active set, and of `prepare` with linearisation and factors.
 """
@@ -19,6 +20,7 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+import scipy.sparse as sp
 from nmpc_loops import ROOT, Tracking
 
 import switchback_control as swb
@@ -107,6 +109,72 @@ class Dumped:
         return {"h": h, "g": grad, "lbx": np.tile(p.lower, n) - plan.u.ravel(), "ubx": np.tile(p.upper, n) - plan.u.ravel()}
 
 
+class Piqp:
+    """PIQP on the stages: the structure once, values at every sample."""
+
+    def __init__(self):
+        import piqp
+
+        self.solver, self.ready = piqp.SparseSolver(), False
+        self.solver.settings.eps_abs = self.solver.settings.eps_rel = 1e-9
+
+    def __call__(self, h, g, a, b, lo, hi, inputs):
+        call = self.solver.update if self.ready else self.solver.setup
+        call(h, g, a, b, x_l=lo, x_u=hi)
+        self.ready = True
+        status = self.solver.solve()
+        return np.array(self.solver.result.x), status.name == "PIQP_SOLVED"
+
+
+class Clarabel:
+    """Clarabel on the stages; every sample is a new object, as its structure and values are one."""
+
+    def __init__(self):
+        import clarabel
+
+        self.lib, self.options = clarabel, clarabel.DefaultSettings()
+        self.options.verbose = False
+
+    def __call__(self, h, g, a, b, lo, hi, inputs):
+        m = len(inputs)
+        pick = sp.csc_matrix((np.ones(m), (np.arange(m), inputs)), shape=(m, len(g)))
+        rows, right = sp.vstack([a, pick, -pick], format="csc"), np.concatenate([b, hi[inputs], -lo[inputs]])
+        cones = [self.lib.ZeroConeT(len(b)), self.lib.NonnegativeConeT(2 * m)]
+        found = self.lib.DefaultSolver(sp.triu(h, format="csc"), g, rows, right, cones, self.options).solve()
+        return np.array(found.x), str(found.status) == "Solved"
+
+
+def others():
+    """The solvers that are installed."""
+    found = {}
+    for name, kind in (("piqp", Piqp), ("clarabel", Clarabel)):
+        try:
+            found[name] = kind()
+        except ImportError:
+            pass
+    return found
+
+
+def native(stage, d):
+    """The stages with the initial state as equations: objective, equations, bounds, places of the controls."""
+    nx = d.p.nx
+    eye = sp.csc_matrix((np.ones(nx), (np.arange(nx), d.x_at[0])), shape=(nx, d.size))
+    a = sp.vstack([eye, stage["a"].sparse()], format="csc")
+    lo, hi = stage["lbx"].copy(), stage["ubx"].copy()
+    b = np.concatenate([lo[d.x_at[0]], np.array(stage["uba"]).ravel()])
+    lo[d.x_at[0]], hi[d.x_at[0]] = -np.inf, np.inf
+    return sp.diags(d.weight, format="csc"), stage["g"], a, b, lo, hi, np.concatenate(d.u_at)
+
+
+def called(solver, data, repeat):
+    best = np.inf
+    for _ in range(repeat):
+        t = time.perf_counter()
+        x, good = solver(*data)
+        best = min(best, time.perf_counter() - t)
+    return x, best, good
+
+
 def timed(solver, data, repeat):
     best = np.inf
     for _ in range(repeat):
@@ -119,7 +187,8 @@ def timed(solver, data, repeat):
 def run(name, repeat):
     p = Tracking(name)
     d, x = Dumped(p), p.x0
-    errors = {k: [] for k in ("hpipm", "daqp", "qpoases")}
+    peers = others()
+    errors = {k: [] for k in ("hpipm", "daqp", "qpoases", *peers)}
     seconds, ours, failed = {k: [] for k in errors}, [], dict.fromkeys(errors, 0)
     with swb.Nmpc(p.ocp(), "rti", "d") as c:
         c.initialise(p.x0, 200)
@@ -137,6 +206,9 @@ def run(name, repeat):
                     found, best, good = timed(d.hpipm, stage, 1)
                     best, good = timed(d.quick, stage, repeat)[1:]
                     found = np.concatenate([found[at] for at in d.u_at])
+                elif solver in peers:
+                    found, best, good = called(peers[solver], native(stage, d), repeat)
+                    found = np.concatenate([found[at] for at in d.u_at])
                 else:
                     found, best, good = timed(d.dense[solver], dense, repeat)
                 failed[solver] += not good
@@ -153,15 +225,15 @@ def run(name, repeat):
     return lines
 
 
-PAGE = """# Quadratic programs of control compared with HPIPM, DAQP and qpOASES
+PAGE = """# Quadratic programs of control compared with HPIPM, DAQP, qpOASES, PIQP and Clarabel
 
 | date | machine | command |
 |---|---|---|
 | {date} | one core of a shared machine | `bindings/python/benchmarks/nmpc_dumps.py` |
 
 The programs are those of [closed loops](nmpc.md) under the RTI scheme, one for every sample, with derivatives of CasADi. HPIPM of CasADi's wheel has the
-stages; DAQP and qpOASES have the program in the controls, without the time of eliminating the states. Differences are those of the controls of the
-horizon, relative to the largest control.
+stages; DAQP and qpOASES have the program in the controls, without the time of eliminating the states. PIQP and Clarabel have the
+stages, too, through their own packages; PIQP keeps its structure from sample to sample. Differences are those of the controls of the horizon, relative to the largest control.
 
 ```
 {table}
@@ -171,7 +243,7 @@ HPIPM has residuals of 1e-13 for the differences and its default of 1e-8 for the
 conditioned over two seconds: DAQP and qpOASES solve it to 1e-5 of the control and worse, at any tolerance. The library condenses the controlled system,
 which is stable.
 
-Calls through CasADi copy data and begin without an active set. A feedback of the library uses factors of its preparation, and a preparation includes
+PIQP has tolerances of 1e-9, Clarabel its own of 1e-8. Calls through CasADi copy data and begin without an active set. A feedback of the library uses factors of its preparation, and a preparation includes
 the linearisation. The times are those of a sample, and do not compare the methods on the same work.
 """
 
