@@ -139,6 +139,9 @@ static void bad_input(void)
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_mhe_set_params(c, x, 1));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_mhe_reset(c, x, 1));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_mhe_get_covariance(c, x, 2));
+    CHECK_STATUS(SWB_ERR_NULL, swb_mhe_write_c(c, NULL, "c", SWB_C_REAL_DOUBLE));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_mhe_write_c(c, ".", "c", 2));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_mhe_write_c(c, ".", "no name", SWB_C_REAL_FLOAT));
     CHECK_STATUS(SWB_ERR_NULL, swb_mhe_sizes(c, &n, &n, NULL, &n, &n));
     CHECK_OK(swb_mhe_interrupt(c));
     swb_mhe_free(c);

@@ -7593,6 +7593,26 @@ swb_status swb_mhe_reset(struct swb_mhe *c,
                          int64_t nx);
 
 /**
+ * Write the estimator as C files (C99) to a folder, which is made if it is not there: prefix.h, prefix.c, prefix_main.c, prefix_record.h and
+ * Makefile. There is no heap, no thread and no clock; all memory is one static object of prefix_arena_bytes bytes.
+ *
+ * The functions are prefix_prepare, prefix_estimate, prefix_set_params, prefix_reset, prefix_states and prefix_filled, described in prefix.h. The estimator in
+ * C begins with the initial state and the present parameters. The main program repeats estimates that are recorded here, from simulated measurements; this
+ * estimator is afterwards as after swb_mhe_reset with the initial state.
+ *
+ * @param[in] folder    path, UTF-8
+ * @param[in] prefix    what names begin with, a C identifier
+ * @param[in] precision an enum swb_c_real
+ * @return SWB_OK; SWB_ERR_UNSUPPORTED with a message for systems that switch, implicit methods, deadlines, functions that are no expressions;
+ *         SWB_ERR_RANGE for the prefix, the precision, or if a file cannot be written
+ */
+SWB_API
+swb_status swb_mhe_write_c(struct swb_mhe *c,
+                           const char *folder,
+                           const char *prefix,
+                           int64_t precision);
+
+/**
  * The window: states of its nodes, the last sample at the end, and noise of its stages.
  *
  * @param[out] x      [(n + 1) nx]

@@ -707,6 +707,7 @@ static void estimator(struct random *r, const swb_settings *s)
     DO(swb_mhe_get_window, c, x, 6, w, 2, &filled);
     DO(swb_mhe_get_covariance, c, covariance, 4);
     DO(swb_mhe_interrupt, c);
+    DO(swb_mhe_write_c, c, texts_folder(r), "estimator", random_below(r, 2) ? SWB_C_REAL_FLOAT : SWB_C_REAL_DOUBLE);
     DO(swb_mhe_reset, c, start, 2);
 }
 

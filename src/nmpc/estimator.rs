@@ -85,39 +85,39 @@ struct Window {
 
 /// A moving horizon estimator. All memory is taken when it is made, but for the logs of switches of systems that do.
 pub struct Mhe {
-    options: MheOptions,
-    n: usize,
-    nx: usize,
-    nu: usize,
-    np: usize,
-    ny: usize,
-    switches: bool,
-    h: f64,
+    pub(super) options: MheOptions,
+    pub(super) n: usize,
+    pub(super) nx: usize,
+    pub(super) nu: usize,
+    pub(super) np: usize,
+    pub(super) ny: usize,
+    pub(super) switches: bool,
+    pub(super) h: f64,
     lengths: Vec<f64>,
-    t0: f64,
+    pub(super) t0: f64,
     stage: Box<dyn Stage>,
-    one: Box<dyn Stage>,
-    measured: Many,
+    pub(super) one: Box<dyn Stage>,
+    pub(super) measured: Many,
     first_measured: Many,
-    qp: StageQp,
+    pub(super) qp: StageQp,
     solver: Stagewise,
     step: QpSolution,
     /// The states that have noise, and its standard deviations; those of the measurements.
-    noisy: Vec<usize>,
-    process: Vec<f64>,
-    sigma: Vec<f64>,
-    deviations: Vec<f64>,
-    bounds: [Vec<f64>; 2],
-    bounded: Vec<usize>,
+    pub(super) noisy: Vec<usize>,
+    pub(super) process: Vec<f64>,
+    pub(super) sigma: Vec<f64>,
+    pub(super) deviations: Vec<f64>,
+    pub(super) bounds: [Vec<f64>; 2],
+    pub(super) bounded: Vec<usize>,
     window: Window,
     /// Parameters from now on.
-    params: Vec<f64>,
+    pub(super) params: Vec<f64>,
     samples: u64,
     /// Stages of the window that were; those before them do nothing.
     filled: usize,
     arrival: Arrival,
     filter: Arrival,
-    start: Vec<f64>,
+    pub(super) start: Vec<f64>,
     /// There is a program for the next measurement; it counts on all outputs.
     ready: bool,
     estimated: bool,
@@ -393,6 +393,22 @@ impl Mhe {
             self.predicted.copy_from_slice(x);
         }
         Ok(())
+    }
+
+    /// A state at the next sample under a control, by the model, written over the state; false where functions have no value.
+    pub(super) fn simulate(&mut self, u: &[f64], x: &mut [f64]) -> Result<bool> {
+        let (p, t) = (&self.params[..], std::slice::from_ref(&self.window.t[self.n]));
+        let outcome = self.one.values(&Starts { x, u, p, t, h: std::slice::from_ref(&self.h) }, &mut self.predicted);
+        x.copy_from_slice(&self.predicted);
+        Ok(has_value(outcome)? && x.iter().all(|v| v.is_finite()))
+    }
+
+    /// What is measured in a state of the last sample; false where functions have no value.
+    pub(super) fn measure(&mut self, x: &[f64], u: &[f64], y: &mut [f64]) -> Result<bool> {
+        self.first_measured.set(0, self.window.t[self.n], x, u, &self.params);
+        let outcome = self.first_measured.values();
+        y.copy_from_slice(&self.first_measured.value);
+        Ok(has_value(outcome)? && y.iter().all(|v| v.is_finite()))
     }
 
     /// The first node leaves the window: what it knows of the second one is kept.

@@ -2410,6 +2410,7 @@ const NAMES = [
     :swb_mhe_estimate,
     :swb_mhe_set_params,
     :swb_mhe_reset,
+    :swb_mhe_write_c,
     :swb_mhe_get_window,
     :swb_mhe_get_covariance,
     :swb_mhe_interrupt,
@@ -5815,6 +5816,25 @@ Back to the start with another mean: nothing was measured.
 swb_mhe_reset(c, x0, nx) = ccall(address(246), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, x0, nx)
 
 """
+    swb_mhe_write_c(c, folder, prefix, precision) -> swb_status
+
+Write the estimator as C files (C99) to a folder, which is made if it is not there: prefix.h, prefix.c, prefix_main.c, prefix_record.h and
+Makefile. There is no heap, no thread and no clock; all memory is one static object of prefix_arena_bytes bytes.
+
+The functions are prefix_prepare, prefix_estimate, prefix_set_params, prefix_reset, prefix_states and prefix_filled, described in prefix.h. The estimator in
+C begins with the initial state and the present parameters. The main program repeats estimates that are recorded here, from simulated measurements; this
+estimator is afterwards as after swb_mhe_reset with the initial state.
+
+@param[in] folder    path, UTF-8
+@param[in] prefix    what names begin with, a C identifier
+@param[in] precision an enum swb_c_real
+@return SWB_OK; SWB_ERR_UNSUPPORTED with a message for systems that switch, implicit methods, deadlines, functions that are no expressions;
+        SWB_ERR_RANGE for the prefix, the precision, or if a file cannot be written
+"""
+swb_mhe_write_c(c, folder, prefix, precision) =
+    ccall(address(247), swb_status, (Ptr{swb_mhe}, Cstring, Cstring, Int64), c, folder, prefix, precision)
+
+"""
     swb_mhe_get_window(c, x, n_x, w, n_w, filled) -> swb_status
 
 The window: states of its nodes, the last sample at the end, and noise of its stages.
@@ -5825,7 +5845,7 @@ The window: states of its nodes, the last sample at the end, and noise of its st
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION
 """
 swb_mhe_get_window(c, x, n_x, w, n_w, filled) =
-    ccall(address(247), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x, n_x,
+    ccall(address(248), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x, n_x,
         w, n_w, filled)
 
 """
@@ -5836,7 +5856,7 @@ The covariance of the last state by the linearisation of the last program, witho
 @param[out] p [nx nx]
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION; SWB_ERR_STATE where there is no program
 """
-swb_mhe_get_covariance(c, p, n) = ccall(address(248), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, n)
+swb_mhe_get_covariance(c, p, n) = ccall(address(249), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_mhe_interrupt(c) -> swb_status
@@ -5845,14 +5865,14 @@ End the call that runs: from any thread or signal handler.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if the object has been freed
 """
-swb_mhe_interrupt(c) = ccall(address(249), swb_status, (Ptr{swb_mhe},), c)
+swb_mhe_interrupt(c) = ccall(address(250), swb_status, (Ptr{swb_mhe},), c)
 
 """
     swb_mhe_free(c) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mhe_free(c) = ccall(address(250), Cvoid, (Ptr{swb_mhe},), c)
+swb_mhe_free(c) = ccall(address(251), Cvoid, (Ptr{swb_mhe},), c)
 
 """
     swb_nmpc_options_init(options, struct_size) -> swb_status
@@ -5864,7 +5884,7 @@ Set the defaults of the options of a controller.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_options_init(options, struct_size) =
-    ccall(address(251), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
+    ccall(address(252), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
 
 """
     swb_nmpc_create(ocp, options, out) -> swb_status
@@ -5881,7 +5901,7 @@ every scheme but SWB_NMPC_SCHEME_MLI.
         periodicity, complementarity, penalties of the largest violation; SWB_ERR_RANGE if an option is outside its range
 """
 swb_nmpc_create(ocp, options, out) =
-    ccall(address(252), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
+    ccall(address(253), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
 
 """
     swb_nmpc_sizes(c, n, nx, nu) -> swb_status
@@ -5894,7 +5914,7 @@ Sizes of a controller.
 @return SWB_OK; SWB_ERR_NULL
 """
 swb_nmpc_sizes(c, n, nx, nu) =
-    ccall(address(253), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
+    ccall(address(254), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
 
 """
     swb_nmpc_initialise(c, x0, nx, max_iter, iterations) -> swb_status
@@ -5908,7 +5928,7 @@ Solve the problem for an initial state to convergence, from the present iterate:
         SWB_ERR_USER; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_initialise(c, x0, nx, max_iter, iterations) =
-    ccall(address(254), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
+    ccall(address(255), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
         iterations)
 
 """
@@ -5924,7 +5944,7 @@ sample before is used further, which is no failure.
         code; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_prepare(c, x_predicted, nx, info, struct_size) =
-    ccall(address(255), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
+    ccall(address(256), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
         x_predicted, nx, info, struct_size)
 
 """
@@ -5940,7 +5960,7 @@ made before the call returns.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite. How the preparation ends is said by swb_nmpc_wait.
 """
 swb_nmpc_prepare_async(c, x_predicted, nx, started) =
-    ccall(address(256), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
+    ccall(address(257), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
 
 """
     swb_nmpc_wait(c, info, struct_size) -> swb_status
@@ -5952,7 +5972,7 @@ Wait for the preparation that swb_nmpc_prepare_async has begun.
 @return SWB_OK; as swb_nmpc_prepare, how the preparation ended; SWB_ERR_STATE where there was none
 """
 swb_nmpc_wait(c, info, struct_size) =
-    ccall(address(257), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
+    ccall(address(258), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
 
 """
     swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) -> swb_status
@@ -5968,7 +5988,7 @@ most half of the deadline; then the control is that of the last plan and its fee
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) =
-    ccall(address(258), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
+    ccall(address(259), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
         UInt64), c, x, nx, u0, nu, info, struct_size)
 
 """
@@ -5979,7 +5999,7 @@ other call does it where it is needed.
 
 @return SWB_OK
 """
-swb_nmpc_finish(c) = ccall(address(259), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_finish(c) = ccall(address(260), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_set_params(c, p, n) -> swb_status
@@ -5991,7 +6011,7 @@ that switch they count from the next preparation on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_INTERRUPTED; SWB_ERR_USER for a negative code of a
         callback
 """
-swb_nmpc_set_params(c, p, n) = ccall(address(260), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
+swb_nmpc_set_params(c, p, n) = ccall(address(261), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_nmpc_set_references(c, term, y, n) -> swb_status
@@ -6004,7 +6024,7 @@ Set the references of a least-squares term. Between a preparation and its feedba
         SWB_ERR_USER for a negative code of a callback
 """
 swb_nmpc_set_references(c, term, y, n) =
-    ccall(address(261), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
+    ccall(address(262), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
 
 """
     swb_nmpc_set_time(c, t0) -> swb_status
@@ -6013,7 +6033,7 @@ Set the time of the first node, from the next preparation on.
 
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_nmpc_set_time(c, t0) = ccall(address(262), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
+swb_nmpc_set_time(c, t0) = ccall(address(263), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
 
 """
     swb_nmpc_set_weights(c, term, w, n_w) -> swb_status
@@ -6024,7 +6044,7 @@ Set the weights of a least-squares term, in the order they were added to the pro
 @return SWB_OK; SWB_ERR_RANGE for a term there is not, or a weight that is not finite; SWB_ERR_DIMENSION
 """
 swb_nmpc_set_weights(c, term, w, n_w) =
-    ccall(address(263), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, w, n_w)
+    ccall(address(264), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, w, n_w)
 
 """
     swb_nmpc_set_control_bounds(c, lower, upper, nu) -> swb_status
@@ -6036,7 +6056,7 @@ Set the bounds of the controls, infinite for none. Between a preparation and its
 @return SWB_OK; SWB_ERR_RANGE if a lower bound is above the upper one or NaN; SWB_ERR_DIMENSION
 """
 swb_nmpc_set_control_bounds(c, lower, upper, nu) =
-    ccall(address(264), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nu)
+    ccall(address(265), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nu)
 
 """
     swb_nmpc_set_state_bounds(c, lower, upper, nx) -> swb_status
@@ -6049,7 +6069,7 @@ Set the bounds of the states that have a derivative, infinite for none. Between 
         SWB_ERR_DIMENSION
 """
 swb_nmpc_set_state_bounds(c, lower, upper, nx) =
-    ccall(address(265), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nx)
+    ccall(address(266), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nx)
 
 """
     swb_nmpc_get_objective(c, value) -> swb_status
@@ -6059,7 +6079,7 @@ The cost of the plan with the prices of its violations, summed over the nodes as
 @param[out] value
 @return SWB_OK; SWB_ERR_NUMERIC if functions have no value at the plan; SWB_ERR_STATE without values of the parameters; SWB_ERR_NULL
 """
-swb_nmpc_get_objective(c, value) = ccall(address(266), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}), c, value)
+swb_nmpc_get_objective(c, value) = ccall(address(267), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}), c, value)
 
 """
     swb_nmpc_get_gain(c, k, n) -> swb_status
@@ -6069,7 +6089,7 @@ The feedback gain of the first stage where no constraint is active: u = u_0 + K 
 @param[out] k [nu nx] row by row
 @return SWB_OK; SWB_ERR_STATE if nothing is prepared; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
-swb_nmpc_get_gain(c, k, n) = ccall(address(267), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, k, n)
+swb_nmpc_get_gain(c, k, n) = ccall(address(268), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, k, n)
 
 """
     swb_nmpc_count_rows(c, rows) -> swb_status
@@ -6079,7 +6099,7 @@ Rows of constraints of the program: bounds of states and constraints, node by no
 @param[out] rows
 @return SWB_OK; SWB_ERR_NULL
 """
-swb_nmpc_count_rows(c, rows) = ccall(address(268), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}), c, rows)
+swb_nmpc_count_rows(c, rows) = ccall(address(269), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}), c, rows)
 
 """
     swb_nmpc_get_multipliers(c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes) -> swb_status
@@ -6093,7 +6113,7 @@ Multipliers of the plan: positive at upper, negative at lower bounds.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_get_multipliers(c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes) =
-    ccall(address(269), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(270), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Int64}, Int64), c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes)
 
 """
@@ -6103,7 +6123,7 @@ Set the seconds a feedback may take.
 
 @return SWB_OK; SWB_ERR_RANGE if they are not positive
 """
-swb_nmpc_set_deadline(c, seconds) = ccall(address(270), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
+swb_nmpc_set_deadline(c, seconds) = ccall(address(271), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
 
 """
     swb_nmpc_set_iterate(c, x, n_x, u, n_u) -> swb_status
@@ -6115,7 +6135,7 @@ Set the iterate; its multipliers are zero.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_nmpc_set_iterate(c, x, n_x, u, n_u) =
-    ccall(address(271), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(272), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_write_c(c, folder, prefix, precision) -> swb_status
@@ -6136,7 +6156,7 @@ recorded here; this controller is afterwards as after swb_nmpc_set_iterate with 
         stagewise; SWB_ERR_RANGE for the prefix, the precision, or if a file cannot be written
 """
 swb_nmpc_write_c(c, folder, prefix, precision) =
-    ccall(address(272), swb_status, (Ptr{swb_nmpc}, Cstring, Cstring, Int64), c, folder, prefix, precision)
+    ccall(address(273), swb_status, (Ptr{swb_nmpc}, Cstring, Cstring, Int64), c, folder, prefix, precision)
 
 """
     swb_nmpc_reset(c) -> swb_status
@@ -6145,7 +6165,7 @@ Back to the start: the guess of the problem, no multipliers, nothing measured, m
 
 @return SWB_OK
 """
-swb_nmpc_reset(c) = ccall(address(273), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_reset(c) = ccall(address(274), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_get_plan(c, x, n_x, u, n_u) -> swb_status
@@ -6157,7 +6177,7 @@ The plan from the last sample on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_get_plan(c, x, n_x, u, n_u) =
-    ccall(address(274), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(275), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_get_monitor(c, monitor, struct_size) -> swb_status
@@ -6169,7 +6189,7 @@ How the controller is doing.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_get_monitor(c, monitor, struct_size) =
-    ccall(address(275), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
+    ccall(address(276), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
 
 """
     swb_nmpc_interrupt(c) -> swb_status
@@ -6178,14 +6198,14 @@ End the call that runs: from any thread or signal handler. A preparation that is
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if the object has been freed
 """
-swb_nmpc_interrupt(c) = ccall(address(276), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_interrupt(c) = ccall(address(277), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_free(c) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_nmpc_free(c) = ccall(address(277), Cvoid, (Ptr{swb_nmpc},), c)
+swb_nmpc_free(c) = ccall(address(278), Cvoid, (Ptr{swb_nmpc},), c)
 
 """
     swb_ocp_create(system, horizon, n_stages, settings, out) -> swb_status
@@ -6203,7 +6223,7 @@ SWB_ERR_STATE.
         positive or an option is outside its range; SWB_ERR_DIMENSION without stages
 """
 swb_ocp_create(system, horizon, n_stages, settings, out) =
-    ccall(address(278), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
+    ccall(address(279), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
         horizon, n_stages, settings, out)
 
 """
@@ -6216,7 +6236,7 @@ controls that are constant by stage, and parameters. A program has a variable in
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit; SWB_ERR_UNSUPPORTED for abs, min and max of what moves within a
         stage: make such a cost the derivative of a further state of the model, and its value at the end the terminal cost
 """
-swb_ocp_set_lagrange(ocp, f) = ccall(address(279), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_lagrange(ocp, f) = ccall(address(280), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_set_mayer(ocp, f) -> swb_status
@@ -6226,7 +6246,7 @@ states, too.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_ocp_set_mayer(ocp, f) = ccall(address(280), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_mayer(ocp, f) = ccall(address(281), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) -> swb_status
@@ -6239,7 +6259,7 @@ Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) =
-    ccall(address(281), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(282), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, lower, n_lower, upper, n_upper, at)
 
 """
@@ -6253,7 +6273,7 @@ last stage.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_terminal(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(282), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(283), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -6266,7 +6286,7 @@ Set bounds of the states at all stage points and element ends after the initial 
 @return as swb_ocp_add_path
 """
 swb_ocp_set_state_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(283), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(284), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6279,7 +6299,7 @@ Set bounds of the initial state; equal bounds fix it.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_initial_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(284), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6291,7 +6311,7 @@ Fix the initial state.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is NaN
 """
 swb_ocp_set_initial_state(ocp, x0, nx) =
-    ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
+    ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
 
 """
     swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -6303,7 +6323,7 @@ Set bounds of the controls.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6319,7 +6339,7 @@ bounds is better known to you.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not positive and finite
 """
 swb_ocp_set_nominal(ocp, x, n_x, u, n_u, p, n_p) =
-    ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, x, n_x, u, n_u, p, n_p)
 
 """
@@ -6330,7 +6350,7 @@ Set the parameters.
 @param[in] p [np]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_ocp_set_params(ocp, p, np) = ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
+swb_ocp_set_params(ocp, p, np) = ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
 
 """
     swb_ocp_set_initial_time(ocp, t0) -> swb_status
@@ -6339,7 +6359,7 @@ Set the initial time.
 
 @return SWB_OK; SWB_ERR_RANGE if it is not finite
 """
-swb_ocp_set_initial_time(ocp, t0) = ccall(address(289), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
+swb_ocp_set_initial_time(ocp, t0) = ccall(address(290), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
 
 """
     swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) -> swb_status
@@ -6351,7 +6371,7 @@ Give states to start from, linear in between.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if times do not rise or a value is not finite
 """
 swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) =
-    ccall(address(290), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
+    ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
         x, n_x)
 
 """
@@ -6363,7 +6383,7 @@ Give controls to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_ocp_set_control_guess(ocp, u, n_u) =
-    ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_solve(ocp, outcome) -> swb_status
@@ -6375,7 +6395,7 @@ Solve. The problem is discretised at the first solve, and again only when its st
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if options do not go together
 """
-swb_ocp_solve(ocp, outcome) = ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve(ocp, outcome) = ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_outcome(ocp, outcome) -> swb_status
@@ -6385,7 +6405,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_outcome(ocp, outcome) = ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_get_outcome(ocp, outcome) = ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_polished(ocp, polished) -> swb_status
@@ -6395,7 +6415,7 @@ Outcome of the polish, which identifies the active set and solves the problem wi
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_polished(ocp, polished) = ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
+swb_ocp_get_polished(ocp, polished) = ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
 
 """
     swb_ocp_get_cost(ocp, cost) -> swb_status
@@ -6406,7 +6426,7 @@ another point costs says nothing about the problem (swb_ocp_get_cost_reached).
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost(ocp, cost) = ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost(ocp, cost) = ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_cost_reached(ocp, cost) -> swb_status
@@ -6417,7 +6437,7 @@ solve was stopped before it was known.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost_reached(ocp, cost) = ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost_reached(ocp, cost) = ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_controls(ocp, u, n_u) -> swb_status
@@ -6427,7 +6447,7 @@ Controls.
 @param[out] u [n_u] n_stages * nu, the controls of one stage together
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_controls(ocp, u, n_u) = ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+swb_ocp_get_controls(ocp, u, n_u) = ccall(address(298), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) -> swb_status
@@ -6447,7 +6467,7 @@ each.
         minimiser; SWB_ERR_USER, SWB_ERR_NONFINITE if the model fails next to the given parameters
 """
 swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) =
-    ccall(address(298), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
+    ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
         n_cost, u, n_u, one_sided)
 
 """
@@ -6460,7 +6480,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_residuals(ocp, residuals, struct_size) =
-    ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
+    ccall(address(300), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
 
 """
     swb_ocp_get_stats(ocp, stats, struct_size) -> swb_status
@@ -6472,7 +6492,7 @@ Work and time of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_stats(ocp, stats, struct_size) =
-    ccall(address(300), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
+    ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
 
 """
     swb_ocp_get_trajectory(ocp, out) -> swb_status
@@ -6482,7 +6502,7 @@ A copy of the trajectory of the last solve.
 @param[out] out the new object, NULL on failure; free with swb_trajectory_free
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_trajectory(ocp, out) = ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
+swb_ocp_get_trajectory(ocp, out) = ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
 
 """
     swb_ocp_set_int(ocp, name, value) -> swb_status
@@ -6491,7 +6511,7 @@ Set an integer or enumeration option of an optimal control problem (or a float o
 
 @return as swb_settings_set_int
 """
-swb_ocp_set_int(ocp, name, value) = ccall(address(302), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
+swb_ocp_set_int(ocp, name, value) = ccall(address(303), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
 
 """
     swb_ocp_set_double(ocp, name, value) -> swb_status
@@ -6501,7 +6521,7 @@ Set a float option of an optimal control problem by name.
 @return as swb_settings_set_double
 """
 swb_ocp_set_double(ocp, name, value) =
-    ccall(address(303), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
+    ccall(address(304), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
 
 """
     swb_ocp_set_string(ocp, name, value) -> swb_status
@@ -6511,7 +6531,7 @@ Set any option of an optimal control problem by name from text: a number, or the
 @return as swb_settings_set_string
 """
 swb_ocp_set_string(ocp, name, value) =
-    ccall(address(304), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
+    ccall(address(305), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
 
 """
     swb_ocp_set_settings(ocp, settings) -> swb_status
@@ -6521,7 +6541,7 @@ Set all options of an optimal control problem.
 @param[in] settings NULL for the defaults
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
-swb_ocp_set_settings(ocp, settings) = ccall(address(305), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
+swb_ocp_set_settings(ocp, settings) = ccall(address(306), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
 
 """
     swb_ocp_get_settings(ocp, settings, struct_size) -> swb_status
@@ -6533,7 +6553,7 @@ Options of an optimal control problem, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_get_settings(ocp, settings, struct_size) =
-    ccall(address(306), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
+    ccall(address(307), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
 
 """
     swb_ocp_set_iteration(ocp, iteration, user_data) -> swb_status
@@ -6544,7 +6564,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_iteration(ocp, iteration, user_data) =
-    ccall(address(307), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
+    ccall(address(308), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
 
 """
     swb_ocp_set_log(ocp, log, user_data) -> swb_status
@@ -6555,7 +6575,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_log(ocp, log, user_data) =
-    ccall(address(308), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
+    ccall(address(309), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
 
 """
     swb_ocp_interrupt(ocp) -> swb_status
@@ -6570,14 +6590,14 @@ calls in the same places.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_ocp_interrupt(ocp) = ccall(address(309), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_interrupt(ocp) = ccall(address(310), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_free(ocp) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_ocp_free(ocp) = ccall(address(310), Cvoid, (Ptr{swb_ocp},), ocp)
+swb_ocp_free(ocp) = ccall(address(311), Cvoid, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_sizes(ocp, nx, nu, np, n_stages) -> swb_status
@@ -6591,7 +6611,7 @@ Sizes of an optimal control problem.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_ocp_sizes(ocp, nx, nu, np, n_stages) =
-    ccall(address(311), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
+    ccall(address(312), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
         n_stages)
 
 """
@@ -6605,7 +6625,7 @@ accuracy_tol.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_accuracy(ocp, accuracy, struct_size) =
-    ccall(address(312), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
+    ccall(address(313), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
 
 """
     swb_ocp_get_certificate(ocp, certificate, struct_size) -> swb_status
@@ -6618,7 +6638,7 @@ unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_certificate(ocp, certificate, struct_size) =
-    ccall(address(313), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
+    ccall(address(314), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
 
 """
     swb_ocp_get_mismatch(ocp, stages, n_stages) -> swb_status
@@ -6629,7 +6649,7 @@ Largest difference between a state of the last solution and of the simulation at
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_accuracy
 """
 swb_ocp_get_mismatch(ocp, stages, n_stages) =
-    ccall(address(314), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
+    ccall(address(315), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
 
 """
     swb_ocp_get_message(ocp, buf, len, needed) -> swb_status
@@ -6644,7 +6664,7 @@ counted from zero. Empty where there is nothing to say. After a solve that retur
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_message(ocp, buf, len, needed) =
-    ccall(address(315), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(316), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_count_multipliers(ocp, of, n) -> swb_status
@@ -6655,7 +6675,7 @@ Constraints of a kind that multipliers belong to; 1 for what is no list.
 @param[out] n  constraints, in the order in which they were added
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
 """
-swb_ocp_count_multipliers(ocp, of, n) = ccall(address(316), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
+swb_ocp_count_multipliers(ocp, of, n) = ccall(address(317), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
 
 """
     swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) -> swb_status
@@ -6669,7 +6689,7 @@ Sizes of the multipliers of the last solution.
 @return SWB_OK; SWB_ERR_NULL; otherwise as swb_ocp_get_multipliers
 """
 swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) =
-    ccall(address(317), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
+    ccall(address(318), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
         width)
 
 """
@@ -6686,7 +6706,7 @@ transitions or contacts, and of several phases.
         the model fails
 """
 swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) =
-    ccall(address(318), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
+    ccall(address(319), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
         index, times, n_times, values, n_values)
 
 """
@@ -6694,7 +6714,7 @@ swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) =
 
 Name of an enum swb_verdict, such as \"kink\"; NULL for any other number. Static.
 """
-swb_verdict_name(verdict) = ccall(address(319), Cstring, (Int32,), verdict)
+swb_verdict_name(verdict) = ccall(address(320), Cstring, (Int32,), verdict)
 
 """
     swb_ocp_get_optimality(ocp, optimality, struct_size) -> swb_status
@@ -6707,7 +6727,7 @@ multipliers of its constraints decide, independently of the discretisation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_optimality(ocp, optimality, struct_size) =
-    ccall(address(320), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
+    ccall(address(321), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
 
 """
     swb_ocp_get_kink(ocp, index, kink, struct_size) -> swb_status
@@ -6720,7 +6740,7 @@ A switch of the last solution that lies between two control stages.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_kink(ocp, index, kink, struct_size) =
-    ccall(address(321), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
+    ccall(address(322), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
 
 """
     swb_ocp_get_reduced_gradient(ocp, gradient, n) -> swb_status
@@ -6733,7 +6753,7 @@ verdict is SWB_VERDICT_UNKNOWN for want of a simulation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_reduced_gradient(ocp, gradient, n) =
-    ccall(address(322), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
+    ccall(address(323), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
 
 """
     swb_ocp_get_descent(ocp, direction, n) -> swb_status
@@ -6746,7 +6766,7 @@ where controls are linear.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_descent(ocp, direction, n) =
-    ccall(address(323), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
+    ccall(address(324), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
 
 """
     swb_ocp_get_optimality_reason(ocp, buf, len, needed) -> swb_status
@@ -6758,7 +6778,7 @@ Why it is not known whether the last solution is optimal; empty where it is.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_optimality_reason(ocp, buf, len, needed) =
-    ccall(address(324), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(325), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_create_scene(scene, horizon, n_stages, settings, out) -> swb_status
@@ -6774,7 +6794,7 @@ coordinates, then velocities, then what else it has; horizon, control grid and c
 @return as swb_ocp_create; SWB_ERR_STATE if the scene is not built
 """
 swb_ocp_create_scene(scene, horizon, n_stages, settings, out) =
-    ccall(address(325), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
+    ccall(address(326), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
         horizon, n_stages, settings, out)
 
 """
@@ -6785,7 +6805,7 @@ Set how contact modes and impacts of a scene are found. Other systems do not loo
 @param[in] jumps an enum swb_jumps
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_ocp_set_jumps(ocp, jumps) = ccall(address(326), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
+swb_ocp_set_jumps(ocp, jumps) = ccall(address(327), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
 
 """
     swb_ocp_get_contacts(ocp, n_contacts, n_impacts) -> swb_status
@@ -6797,7 +6817,7 @@ Sizes of what the contacts of an answer do.
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene
 """
 swb_ocp_get_contacts(ocp, n_contacts, n_impacts) =
-    ccall(address(327), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
+    ccall(address(328), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
 
 """
     swb_ocp_impacts(ocp, impacts, n, struct_size) -> swb_status
@@ -6809,7 +6829,7 @@ The impacts of an answer in the order they happen. Their depth is NaN: it is not
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if n is another number
 """
 swb_ocp_impacts(ocp, impacts, n, struct_size) =
-    ccall(address(328), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
+    ccall(address(329), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
 
 """
     swb_ocp_contact_modes(ocp, t, n_t, modes, n) -> swb_status
@@ -6822,7 +6842,7 @@ Modes of the contacts of an answer at times.
         SWB_ERR_DIMENSION
 """
 swb_ocp_contact_modes(ocp, t, n_t, modes, n) =
-    ccall(address(329), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
+    ccall(address(330), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
 
 """
     swb_ocp_contact_forces(ocp, t, n_t, forces, n) -> swb_status
@@ -6835,7 +6855,7 @@ Forces of the contacts of an answer at times: forces, not impulses.
 @return as swb_ocp_contact_modes
 """
 swb_ocp_contact_forces(ocp, t, n_t, forces, n) =
-    ccall(address(330), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
+    ccall(address(331), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
         n)
 
 """
@@ -6849,7 +6869,7 @@ every contact, the recommended one, how long a jump takes, warnings.
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_ocp_freezing_report(ocp, buf, len, needed) =
-    ccall(address(331), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(332), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) -> swb_status
@@ -6862,7 +6882,7 @@ Sizes of the mode sequence of the last solution: a phase for every finite elemen
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) =
-    ccall(address(332), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
+    ccall(address(333), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
         n_cells)
 
 """
@@ -6877,7 +6897,7 @@ Mode sequence of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(333), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(334), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -6895,7 +6915,7 @@ motions with this order count, and the times say nothing.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the times fall or do not start at 0
 """
 swb_ocp_set_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(334), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(335), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -6911,7 +6931,7 @@ Transitions of the last solution as a part of its mode sequence: see swb_ocp_set
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_mode_transitions(ocp, t, transition, stage, at_once, n) =
-    ccall(address(335), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
+    ccall(address(336), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
         transition, stage, at_once, n)
 
 """
@@ -6928,7 +6948,7 @@ stages, and no others, unless that has no solution. Without this call after swb_
         stages that fall
 """
 swb_ocp_set_mode_transitions(ocp, t, transition, stage, at_once, n) =
-    ccall(address(336), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
+    ccall(address(337), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
         transition, stage, at_once, n)
 
 """
@@ -6941,7 +6961,7 @@ the bounds of the controls.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_random_starts(ocp, seed, u, n_u) =
-    ccall(address(337), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
+    ccall(address(338), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
 
 """
     swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) -> swb_status
@@ -6962,7 +6982,7 @@ starts; so does swb_ocp_interrupt.
         first start if all fail
 """
 swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
-    ccall(address(338), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
+    ccall(address(339), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
         best)
 
 """
@@ -6978,7 +6998,7 @@ Results of the starts of the last swb_ocp_solve_starts.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
 """
 swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) =
-    ccall(address(339), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
+    ccall(address(340), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
         Int64), ocp, start, outcome, polished, cost, u, n_u)
 
 """
@@ -6992,7 +7012,7 @@ How the grid of the last solve was adapted (option adapt_tol).
 @return SWB_OK; SWB_ERR_STATE before the first solve, and where the option adapt_tol is 0
 """
 swb_ocp_get_adaptation(ocp, n_rounds, kept, reached) =
-    ccall(address(340), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
+    ccall(address(341), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
         reached)
 
 """
@@ -7010,7 +7030,7 @@ One solve on the way to an adapted grid.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
 """
 swb_ocp_get_round(ocp, round, elements, n_elements, n_variables, iterations, error, cost) =
-    ccall(address(341), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
+    ccall(address(342), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
         Ptr{Cdouble}), ocp, round, elements, n_elements, n_variables, iterations, error, cost)
 
 """
@@ -7024,7 +7044,7 @@ control and time of the end.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_boundary(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(342), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(343), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -7036,7 +7056,7 @@ Require that states have the same values at both ends of the horizon.
 @return SWB_OK; SWB_ERR_RANGE if there is no such state
 """
 swb_ocp_add_periodic(ocp, states, n_states) =
-    ccall(address(343), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
+    ccall(address(344), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
 
 """
     swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) -> swb_status
@@ -7049,7 +7069,7 @@ Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the cont
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) =
-    ccall(address(344), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(345), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, weights, n_weights, references, n_references, at)
 
 """
@@ -7062,7 +7082,7 @@ Change the references of a least-squares term.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term
 """
 swb_ocp_set_references(ocp, term, references, n_references) =
-    ccall(address(345), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
+    ccall(address(346), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
 
 """
     swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) -> swb_status
@@ -7077,7 +7097,7 @@ without it; see swb_ocp_get_violation.
 @return as swb_ocp_add_path; SWB_ERR_RANGE if the weight is not positive
 """
 swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) =
-    ccall(address(346), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(347), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32, Int32, Cdouble), ocp, f, lower, n_lower, upper, n_upper, at, norm, weight)
 
 """
@@ -7092,7 +7112,7 @@ is zero. Pairs of controls alone belong to the control grid; elsewhere they woul
 @return as swb_ocp_add_path
 """
 swb_ocp_add_complementarity(ocp, a, b, at) =
-    ccall(address(347), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
+    ccall(address(348), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
 
 """
     swb_ocp_set_elements(ocp, n_fe, n) -> swb_status
@@ -7102,7 +7122,7 @@ Set the number of finite elements of every control stage; without it all have as
 @param[in] n_fe [n] one for every stage, at least 1
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
-swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(348), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
+swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(349), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 
 """
     swb_ocp_set_durations(ocp, durations, n) -> swb_status
@@ -7113,7 +7133,7 @@ Set the lengths of the control stages; where they are free, those to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_durations(ocp, durations, n) =
-    ccall(address(349), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(350), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_set_free_time(ocp, what, lower, upper) -> swb_status
@@ -7126,7 +7146,7 @@ Let the optimiser choose lengths.
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_set_free_time(ocp, what, lower, upper) =
-    ccall(address(350), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
+    ccall(address(351), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
 
 """
     swb_ocp_add_horizon(ocp, lower, upper) -> swb_status
@@ -7136,7 +7156,7 @@ Bound the length of the horizon where those of the stages are free; after swb_oc
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_add_horizon(ocp, lower, upper) =
-    ccall(address(351), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
+    ccall(address(352), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
 
 """
     swb_ocp_set_linear_controls(ocp, linear, nu) -> swb_status
@@ -7147,7 +7167,7 @@ Make controls continuous and linear on every stage; the others stay constant.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_set_linear_controls(ocp, linear, nu) =
-    ccall(address(352), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
+    ccall(address(353), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
 
 """
     swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -7160,7 +7180,7 @@ the others keep those values.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(353), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(354), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7172,7 +7192,7 @@ Set parameters that change from control stage to control stage.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_stage_params(ocp, p, n_p) =
-    ccall(address(354), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+    ccall(address(355), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_solve_warm(ocp, outcome) -> swb_status
@@ -7182,7 +7202,7 @@ Solve from the last solution: after small changes its active set is tried first.
 @param[out] outcome as swb_ocp_solve
 @return as swb_ocp_solve
 """
-swb_ocp_solve_warm(ocp, outcome) = ccall(address(355), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve_warm(ocp, outcome) = ccall(address(356), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_shift(ocp) -> swb_status
@@ -7192,7 +7212,7 @@ initial state that is set by then, and starts from its modes and switching times
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_shift(ocp) = ccall(address(356), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_shift(ocp) = ccall(address(357), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_get_durations(ocp, durations, n) -> swb_status
@@ -7203,7 +7223,7 @@ Lengths of the control stages of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_durations(ocp, durations, n) =
-    ccall(address(357), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(358), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_get_params(ocp, p, n_p) -> swb_status
@@ -7213,7 +7233,7 @@ Parameters of the last solution, those that were free as they were found.
 @param[out] p [n_p] np
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_params(ocp, p, n_p) = ccall(address(358), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+swb_ocp_get_params(ocp, p, n_p) = ccall(address(359), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_get_control_ends(ocp, u, n_u) -> swb_status
@@ -7224,7 +7244,7 @@ Controls at the end of every stage: others than at its start where they are line
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_control_ends(ocp, u, n_u) =
-    ccall(address(359), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(360), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_violation(ocp, violation) -> swb_status
@@ -7233,7 +7253,7 @@ Largest violation of a relaxed constraint.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_violation(ocp, violation) = ccall(address(360), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
+swb_ocp_get_violation(ocp, violation) = ccall(address(361), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 
 """
     swb_ocp_jump_count(ocp, n_jumps) -> swb_status
@@ -7243,7 +7263,7 @@ Number of transitions of the last answer.
 @param[out] n_jumps transitions; 0 for systems without
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE before the first solve
 """
-swb_ocp_jump_count(ocp, n_jumps) = ccall(address(361), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
+swb_ocp_jump_count(ocp, n_jumps) = ccall(address(362), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
 
 """
     swb_ocp_jumps(ocp, jumps, n, struct_size) -> swb_status
@@ -7255,7 +7275,7 @@ The transitions of the last answer in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jumps(ocp, jumps, n, struct_size) =
-    ccall(address(362), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
+    ccall(address(363), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
 
 """
     swb_ocp_jump_states(ocp, index, before, after, n) -> swb_status
@@ -7268,7 +7288,7 @@ The states just before and just behind a transition of the last answer.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jump_states(ocp, index, before, after, n) =
-    ccall(address(363), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
+    ccall(address(364), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
         after, n)
 
 """
@@ -7283,7 +7303,7 @@ links tie it to the end of the phase before. A function of time sees the time fr
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
 """
 swb_multiphase_create(phases, n_phases, settings, out) =
-    ccall(address(364), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
+    ccall(address(365), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
         n_phases, settings, out)
 
 """
@@ -7298,7 +7318,7 @@ controls and no parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no phase behind, or a lower bound is above the upper one
 """
 swb_multiphase_link(m, phase, f, lower, n_lower, upper, n_upper) =
-    ccall(address(365), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
+    ccall(address(366), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), m, phase, f, lower, n_lower, upper, n_upper)
 
 """
@@ -7309,7 +7329,7 @@ Require that the next phase begins where this one ends, in all states.
 @param[in] phase counted from 0
 @return as swb_multiphase_link
 """
-swb_multiphase_link_continuous(m, phase) = ccall(address(366), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
+swb_multiphase_link_continuous(m, phase) = ccall(address(367), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 
 """
     swb_multiphase_link_reset(m, phase, r) -> swb_status
@@ -7322,7 +7342,7 @@ Require that the next phase begins at r(x(T)): what a stage that drops off, a do
 @return as swb_multiphase_link
 """
 swb_multiphase_link_reset(m, phase, r) =
-    ccall(address(367), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
+    ccall(address(368), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
 
 """
     swb_multiphase_solve(m, outcome) -> swb_status
@@ -7332,7 +7352,7 @@ Solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_ocp_solve
 """
-swb_multiphase_solve(m, outcome) = ccall(address(368), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
+swb_multiphase_solve(m, outcome) = ccall(address(369), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
@@ -7344,7 +7364,7 @@ Result of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_info(m, info, struct_size) =
-    ccall(address(369), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
+    ccall(address(370), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
 
 """
     swb_multiphase_get_message(m, buf, len, needed) -> swb_status
@@ -7356,7 +7376,7 @@ Why the last solve did not end with an exact solution; empty where there is noth
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_message(m, buf, len, needed) =
-    ccall(address(370), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
+    ccall(address(371), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
 
 """
     swb_multiphase_get_phase(m, phase, out) -> swb_status
@@ -7369,7 +7389,7 @@ and statistics are those of all phases.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_phase(m, phase, out) =
-    ccall(address(371), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
+    ccall(address(372), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
 
 """
     swb_multiphase_set_iteration(m, iteration, user_data) -> swb_status
@@ -7380,7 +7400,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_multiphase_set_iteration(m, iteration, user_data) =
-    ccall(address(372), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
+    ccall(address(373), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
 
 """
     swb_multiphase_interrupt(m) -> swb_status
@@ -7389,14 +7409,14 @@ Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_multiphase_interrupt(m) = ccall(address(373), swb_status, (Ptr{swb_multiphase},), m)
+swb_multiphase_interrupt(m) = ccall(address(374), swb_status, (Ptr{swb_multiphase},), m)
 
 """
     swb_multiphase_free(m) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_multiphase_free(m) = ccall(address(374), Cvoid, (Ptr{swb_multiphase},), m)
+swb_multiphase_free(m) = ccall(address(375), Cvoid, (Ptr{swb_multiphase},), m)
 
 """
     swb_model_to_json(model, buf, len, needed) -> swb_status
@@ -7410,7 +7430,7 @@ states with the values they begin with, and its transitions. Functions that are 
         too short
 """
 swb_model_to_json(model, buf, len, needed) =
-    ccall(address(375), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(376), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) -> swb_status
@@ -7426,7 +7446,7 @@ Build a model from a document; its expressions become expressions of the graph.
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
 """
 swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) =
-    ccall(address(376), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(377), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_model}}), graph, text, functions, n_functions, rhs, n_rhs, out)
 
 """
@@ -7442,7 +7462,7 @@ and transitions. Functions that are called are named.
         SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_scene_to_json(scene, graph, buf, len, needed) =
-    ccall(address(377), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{UInt8}, Int64, Ptr{Int64}), scene, graph,
+    ccall(address(378), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{UInt8}, Int64, Ptr{Int64}), scene, graph,
         buf, len, needed)
 
 """
@@ -7460,7 +7480,7 @@ Create a scene, or a projected system, from a document; its expressions become e
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as the functions that make a scene
 """
 swb_scene_from_json(graph, text, functions, n_functions, roots, n_roots, out) =
-    ccall(address(378), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(379), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_scene}}), graph, text, functions, n_functions, roots, n_roots, out)
 
 """
@@ -7471,7 +7491,7 @@ Numbers of states, controls and parameters of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_sizes(model, nx, nu, np) =
-    ccall(address(379), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
+    ccall(address(380), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
 
 """
     swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) -> swb_status
@@ -7487,7 +7507,7 @@ Functions that are not made of expressions are named only.
         the buffer is too short
 """
 swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) =
-    ccall(address(380), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
+    ccall(address(381), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
         duration, n_steps, buf, len, needed)
 
 """
@@ -7503,7 +7523,7 @@ Create a simulator from a document; it stands where the simulation begins.
 @return as swb_model_from_json
 """
 swb_simulator_from_json(text, functions, n_functions, duration, n_steps, out) =
-    ccall(address(381), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
+    ccall(address(382), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
         Ptr{Ptr{swb_simulator}}), text, functions, n_functions, duration, n_steps, out)
 
 """
@@ -7518,7 +7538,7 @@ given to start from. Functions that are not made of expressions are named only.
         too short
 """
 swb_ocp_to_json(ocp, buf, len, needed) =
-    ccall(address(382), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(383), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_from_json(text, functions, n_functions, out) -> swb_status
@@ -7531,7 +7551,7 @@ Create an optimal control problem from a document.
 @return as swb_model_from_json
 """
 swb_ocp_from_json(text, functions, n_functions, out) =
-    ccall(address(383), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
+    ccall(address(384), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
         n_functions, out)
 
 """
@@ -7548,7 +7568,7 @@ Create a program without pairs and bounds, parameters and start zero.
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
 """
 swb_mpcc_create(n, np, objective, constraints, settings, out) =
-    ccall(address(384), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
+    ccall(address(385), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
         Ptr{Ptr{swb_mpcc}}), n, np, objective, constraints, settings, out)
 
 """
@@ -7566,7 +7586,7 @@ A constraint may be in one pair only; a variable in several.
         there is no such index
 """
 swb_mpcc_add_pair(mpcc, kind_g, index_g, kind_h, index_h) =
-    ccall(address(385), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
+    ccall(address(386), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
         index_h)
 
 """
@@ -7583,7 +7603,7 @@ nonlinear complementarity problem.
 @return SWB_OK; SWB_ERR_RANGE if the constraint is in a pair or box; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_add_box(mpcc, variable, constraint) =
-    ccall(address(386), swb_status, (Ptr{swb_mpcc}, Int64, Int64), mpcc, variable, constraint)
+    ccall(address(387), swb_status, (Ptr{swb_mpcc}, Int64, Int64), mpcc, variable, constraint)
 
 """
     swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) -> swb_status
@@ -7599,7 +7619,7 @@ For functions described with swb_function_set_linear nothing else is prepared, a
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
 """
 swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) =
-    ccall(address(387), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
+    ccall(address(388), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
         mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data)
 
 """
@@ -7612,7 +7632,7 @@ Set bounds of the variables.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_mpcc_set_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(388), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(389), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7625,7 +7645,7 @@ Set bounds of the constraints; equal bounds make an equation. Those of rows in p
 @return as swb_mpcc_set_bounds
 """
 swb_mpcc_set_constraint_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(389), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(390), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7637,7 +7657,7 @@ Set the parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_params(mpcc, values, np) =
-    ccall(address(390), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
+    ccall(address(391), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
 
 """
     swb_mpcc_set_start(mpcc, w, n) -> swb_status
@@ -7647,7 +7667,7 @@ Set the point to start from.
 @param[in] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mpcc_set_start(mpcc, w, n) = ccall(address(391), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_set_start(mpcc, w, n) = ccall(address(392), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) -> swb_status
@@ -7662,7 +7682,7 @@ goes back to starting from a point alone.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) =
-    ccall(address(392), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(393), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         mpcc, w, n, y, m, z, n_z)
 
 """
@@ -7675,7 +7695,7 @@ Solve.
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
 """
-swb_mpcc_solve(mpcc, outcome) = ccall(address(393), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_solve(mpcc, outcome) = ccall(address(394), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_resolve(mpcc, outcome) -> swb_status
@@ -7686,7 +7706,7 @@ failed, diverged or ended infeasible this is swb_mpcc_solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_resolve(mpcc, outcome) = ccall(address(394), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_resolve(mpcc, outcome) = ccall(address(395), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_outcome(mpcc, outcome) -> swb_status
@@ -7696,7 +7716,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(395), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(396), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
@@ -7706,7 +7726,7 @@ Outcome of the polish, which identifies the active set and solves the smooth pro
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_polished(mpcc, polished) = ccall(address(396), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
+swb_mpcc_get_polished(mpcc, polished) = ccall(address(397), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 
 """
     swb_mpcc_get_objective(mpcc, objective) -> swb_status
@@ -7716,7 +7736,7 @@ Objective.
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_objective(mpcc, objective) =
-    ccall(address(397), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
+    ccall(address(398), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
 
 """
     swb_mpcc_get_solution(mpcc, w, n) -> swb_status
@@ -7726,7 +7746,7 @@ The point.
 @param[out] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_solution(mpcc, w, n) = ccall(address(398), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_get_solution(mpcc, w, n) = ccall(address(399), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_get_constraints(mpcc, c, m) -> swb_status
@@ -7736,7 +7756,7 @@ Constraints at the point.
 @param[out] c [m] rows; NaN where the solve failed
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(399), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
+swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(400), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 
 """
     swb_mpcc_get_multipliers(mpcc, y, m, z, n) -> swb_status
@@ -7749,7 +7769,7 @@ Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_multipliers(mpcc, y, m, z, n) =
-    ccall(address(400), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
+    ccall(address(401), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
 
 """
     swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) -> swb_status
@@ -7764,7 +7784,7 @@ the pairs were added.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) =
-    ccall(address(401), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
+    ccall(address(402), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
         mpcc, g, h, nu, xi, n_pairs)
 
 """
@@ -7777,7 +7797,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
-    ccall(address(402), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(403), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
@@ -7789,7 +7809,7 @@ Work and time of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_stats(mpcc, stats, struct_size) =
-    ccall(address(403), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(404), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_set_int(mpcc, name, value) -> swb_status
@@ -7799,7 +7819,7 @@ Set an integer or enumeration option of a program (or a float one, to an integer
 @return as swb_settings_set_int
 """
 swb_mpcc_set_int(mpcc, name, value) =
-    ccall(address(404), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
+    ccall(address(405), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
 
 """
     swb_mpcc_set_double(mpcc, name, value) -> swb_status
@@ -7809,7 +7829,7 @@ Set a float option of a program by name.
 @return as swb_settings_set_double
 """
 swb_mpcc_set_double(mpcc, name, value) =
-    ccall(address(405), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
+    ccall(address(406), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
 
 """
     swb_mpcc_set_string(mpcc, name, value) -> swb_status
@@ -7819,7 +7839,7 @@ Set any option of a program by name from text: a number, or the value name of an
 @return as swb_settings_set_string
 """
 swb_mpcc_set_string(mpcc, name, value) =
-    ccall(address(406), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
+    ccall(address(407), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
 
 """
     swb_mpcc_set_settings(mpcc, settings) -> swb_status
@@ -7830,7 +7850,7 @@ Set all options of a program.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_mpcc_set_settings(mpcc, settings) =
-    ccall(address(407), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
+    ccall(address(408), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
 
 """
     swb_mpcc_get_settings(mpcc, settings, struct_size) -> swb_status
@@ -7842,7 +7862,7 @@ Options of a program, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_mpcc_get_settings(mpcc, settings, struct_size) =
-    ccall(address(408), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
+    ccall(address(409), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
 
 """
     swb_mpcc_set_iteration(mpcc, iteration, user_data) -> swb_status
@@ -7853,7 +7873,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_iteration(mpcc, iteration, user_data) =
-    ccall(address(409), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
+    ccall(address(410), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
 
 """
     swb_mpcc_set_log(mpcc, log, user_data) -> swb_status
@@ -7864,7 +7884,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_log(mpcc, log, user_data) =
-    ccall(address(410), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
+    ccall(address(411), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
 
 """
     swb_mpcc_interrupt(mpcc) -> swb_status
@@ -7876,14 +7896,14 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_mpcc_interrupt(mpcc) = ccall(address(411), swb_status, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_interrupt(mpcc) = ccall(address(412), swb_status, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_free(mpcc) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mpcc_free(mpcc) = ccall(address(412), Cvoid, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_free(mpcc) = ccall(address(413), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) -> swb_status
@@ -7903,7 +7923,7 @@ that were set since the solve are not used.
         not those of the functions; SWB_ERR_NONFINITE if a function has no value next to the parameters; SWB_ERR_USER
 """
 swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) =
-    ccall(address(413), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
+    ccall(address(414), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
         mpcc, x, n_x, objective, n_objective, sides, n_sides)
 
 """
@@ -7921,7 +7941,7 @@ differentiable, and one for each where it is not.
 @return as swb_mpcc_get_tangents; SWB_ERR_RANGE if a weight is not finite
 """
 swb_mpcc_vjp(mpcc, x, n_x, objective, p, n_p, sides, n_sides) =
-    ccall(address(414), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
+    ccall(address(415), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
         Int64), mpcc, x, n_x, objective, p, n_p, sides, n_sides)
 
 """
@@ -7929,21 +7949,21 @@ swb_mpcc_vjp(mpcc, x, n_x, objective, p, n_p, sides, n_sides) =
 
 Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Static.
 """
-swb_stationarity_name(stationarity) = ccall(address(415), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(416), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
 
 Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
-swb_doubt_name(doubt) = ccall(address(416), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(417), Cstring, (Int32,), doubt)
 
 """
     swb_second_order_name(second_order) -> Cstring
 
 Name of an enum swb_second_order, such as \"saddle\"; NULL for any other number. Static.
 """
-swb_second_order_name(second_order) = ccall(address(417), Cstring, (Int32,), second_order)
+swb_second_order_name(second_order) = ccall(address(418), Cstring, (Int32,), second_order)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -7956,7 +7976,7 @@ Name a variable, a constraint, a pair or a box: reports and messages of the log 
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(418), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(419), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -7969,7 +7989,7 @@ Name all variables, constraints, pairs or boxes.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(419), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(420), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -7983,7 +8003,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(420), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(421), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -8000,7 +8020,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(421), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(422), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -8024,7 +8044,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(422), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(423), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -8037,7 +8057,7 @@ Knowledge of the point of the last solve: type of stationarity, B-stationarity.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(423), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(424), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -8050,7 +8070,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(424), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(425), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -8062,7 +8082,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(425), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(426), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -8074,7 +8094,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(426), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(427), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -8086,6 +8106,6 @@ Report on the last solve for people: a table with the worst violations and what 
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(427), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(428), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

@@ -3,14 +3,16 @@
 use super::function::{shared, swb_function};
 use super::guard::guard;
 use super::handle::{self, Interrupt, Object};
-use super::nmpc::{check_info, count, family, read_options, swb_nmpc_info, write_info};
+use super::nmpc::{check_info, count, family, pick, read_options, swb_nmpc_info, write_info};
 use super::ocp::{copied, swb_ocp};
 use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
+use std::ffi::c_char;
 use std::mem::size_of;
 use std::sync::atomic::Ordering;
 use switchback::error::Result;
+use switchback::expr::CReal;
 use switchback::nmpc::{Mhe, MheOptions, Noise};
 use switchback::session::listening;
 use switchback::stop::Stop;
@@ -262,6 +264,32 @@ pub unsafe extern "C" fn swb_mhe_reset(c: *mut swb_mhe, x0: *const f64, nx: i64)
     guard(|| unsafe {
         let x0 = raw::slice(x0, nx, "x0")?;
         handle::with_mut(c, |c| c.run(|c| c.reset(x0)))
+    })
+}
+
+/// Write the estimator as C files (C99) to a folder, which is made if it is not there: prefix.h, prefix.c, prefix_main.c, prefix_record.h and
+/// Makefile. There is no heap, no thread and no clock; all memory is one static object of prefix_arena_bytes bytes.
+///
+/// The functions are prefix_prepare, prefix_estimate, prefix_set_params, prefix_reset, prefix_states and prefix_filled, described in prefix.h. The estimator in
+/// C begins with the initial state and the present parameters. The main program repeats estimates that are recorded here, from simulated measurements; this
+/// estimator is afterwards as after swb_mhe_reset with the initial state.
+///
+/// @param[in] folder    path, UTF-8
+/// @param[in] prefix    what names begin with, a C identifier
+/// @param[in] precision an enum swb_c_real
+/// @return SWB_OK; SWB_ERR_UNSUPPORTED with a message for systems that switch, implicit methods, deadlines, functions that are no expressions;
+///         SWB_ERR_RANGE for the prefix, the precision, or if a file cannot be written
+#[no_mangle]
+pub unsafe extern "C" fn swb_mhe_write_c(
+    c: *mut swb_mhe,
+    folder: *const c_char,
+    prefix: *const c_char,
+    precision: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (folder, prefix) = (raw::text(folder, "folder")?, raw::text(prefix, "prefix")?);
+        let real = pick("precision", &[CReal::Double, CReal::Float], precision)?;
+        handle::with_mut(c, |c| c.run(|c| c.write_c(prefix, real)?.write(std::path::Path::new(folder))))
     })
 }
 

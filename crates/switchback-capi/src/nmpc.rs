@@ -182,7 +182,7 @@ impl Default for swb_nmpc_options {
 }
 
 /// The entry of a table with this number.
-fn pick<T: Copy>(what: &str, all: &[T], number: i64) -> Result<T> {
+pub(super) fn pick<T: Copy>(what: &str, all: &[T], number: i64) -> Result<T> {
     let found = usize::try_from(number).ok().and_then(|k| all.get(k)).copied();
     found.ok_or_else(|| Error::Range(format!("there is no {what} {number}: it is 0 to {}", all.len() - 1)))
 }

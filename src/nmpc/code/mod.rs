@@ -1,9 +1,10 @@
-//! Controllers as C files: what the library does between samples and at them, without a heap, threads or a clock.
+//! Controllers and estimators as C files: what the library does between samples and at them, without a heap, threads or a clock.
 //!
-//! The functions of the problem are written by [`crate::expr::write_c_first`]; sizes and data are tables; the rest is `kernel.c`, which
-//! is [`crate::qp::Stagewise`] and the schemes with real-time iterations in C99. All memory is one static object whose size is known
+//! The functions of the problem are written by [`crate::expr::write_c_first`]; sizes and data are tables; the rest is `solver.c`, which
+//! is [`crate::qp::Stagewise`] in C99, and `controller.c` with the schemes of real-time iterations, or `estimator.c`. All memory is one static object whose size is known
 //! when it is compiled.
 
+mod estimator;
 mod fmu;
 
 use super::options::{Level, QpMethod, Scheme};
@@ -14,7 +15,16 @@ use crate::system::SharedFunction;
 use std::fmt::Write;
 
 /// What does not depend on the problem.
-const KERNEL: &str = include_str!("kernel.c");
+const SOLVER: &str = include_str!("solver.c");
+const CONTROLLER: &str = include_str!("controller.c");
+/// The memory of a controller next to that of the solver.
+const OWN: &str = "#define FREE 0
+#define OWN \\
+    real x[(N + 1) * NX], u[N * NU], at_x[(N + 1) * NX], at_u[N * NU], params[ROOM(NP)], references[ROOM(REFERENCES)]; \\
+    real k[RK * NX], s[NX * NW], sz[NX * NW], sk[RK * NX * NW], jac[ROOM(JACOBIAN)], value[ROOM(VALUES)], line[ROOM(VALUES) * NW]; \\
+    real measured[NX], applied[NU], predicted[NX], u_lower[NU], u_upper[NU]; \\
+    int ready, prepared, pending, seen, unshifted, has_prediction, violating, entry, started;
+";
 /// A program that runs the recorded loop.
 const MAIN: &str = include_str!("main.c");
 const MAKEFILE: &str = include_str!("Makefile.in");
@@ -23,11 +33,11 @@ const SAMPLES: usize = 60;
 /// States of the record are off their prediction by this share of the largest state of the plan.
 const BLOW: f64 = 0.005;
 
-/// The files of a controller.
+/// The files of a controller or an estimator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CCode {
-    /// Names and contents: header, source, a program that runs the recorded loop, its data, functions and descriptions of a unit for
-    /// co-simulation, and a Makefile.
+    /// Names and contents: header, source, a program that runs the recorded loop, its data, a Makefile; of a controller functions and descriptions
+    /// of a unit for co-simulation, too.
     pub files: Vec<(String, String)>,
 }
 
@@ -272,7 +282,7 @@ int {prefix}_iterations(void);
         self.c_sizes(&mut out, &named, steps, tableau.n_s);
         self.c_tables(w, &mut out, &named, tableau, [x, u]);
         out.push_str(&calls(&named));
-        out.push_str(KERNEL);
+        [OWN, SOLVER, CONTROLLER].iter().for_each(|part| out.push_str(part));
         Ok(out)
     }
 
@@ -417,6 +427,7 @@ const DOUBLE: &str = "#define SQRT sqrt
 #define BOUNDARY 0.995
 #define ELASTIC 1e3
 #define APART 10.0
+#define FLOOR 1e-6
 ";
 const FLOAT: &str = "#define SQRT sqrtf
 #define EPSILON FLT_EPSILON
@@ -427,4 +438,5 @@ const FLOAT: &str = "#define SQRT sqrtf
 #define BOUNDARY 0.995f
 #define ELASTIC 1e3f
 #define APART 10.0f
+#define FLOOR 1e-6f
 ";

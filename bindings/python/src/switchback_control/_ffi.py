@@ -1418,6 +1418,7 @@ FUNCTIONS = {
     "swb_mhe_estimate": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, POINTER(swb_nmpc_info), c_uint64]),
     "swb_mhe_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_mhe_reset": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_mhe_write_c": (c_int32, [c_void_p, c_char_p, c_char_p, c_int64]),
     "swb_mhe_get_window": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_mhe_get_covariance": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_mhe_interrupt": (c_int32, [c_void_p]),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy
@@ -11,7 +13,7 @@ import numpy
 from . import _ffi
 from ._arrays import Array, address, choice, index, number, real, vector
 from ._call import Handle, check
-from ._ffi import NmpcQpStatus, NmpcSource, RkFamily
+from ._ffi import CReal, NmpcQpStatus, NmpcSource, RkFamily
 from ._library import lib
 from .errors import ArgumentError
 from .function import Function
@@ -122,6 +124,23 @@ class Mhe(Handle):
         """Back to the start with the mean `x0` [nx]: nothing was measured."""
         given = vector(x0, self.nx, "x0")
         self._do("reset", address(given), given.size)
+
+    def write_c(self, folder: str | os.PathLike, prefix: str = "estimator", precision: str | CReal = "double") -> list[Path]:
+        """Write the estimator as C files (C99) without heap, threads or a clock, and return their paths: `prefix.h`, `prefix.c`,
+        `prefix_main.c`, `prefix_record.h` and `Makefile`.
+
+        folder     is made if it is not there
+        prefix     what names begin with
+        precision  "double" or "float"
+
+        The estimator in C begins with the initial state and the present parameters. `make test` in the folder repeats estimates that are recorded
+        here, from simulated measurements of which some are missing; this estimator is afterwards as after `reset`. It takes models that do not
+        switch, expressions, explicit methods, and no deadline.
+        """
+        folder = Path(folder)
+        kind = int(choice(CReal, precision, "precision"))
+        self._do("write_c", os.fsencode(folder), str(prefix).encode(), kind)
+        return [folder / name for name in (f"{prefix}.h", f"{prefix}.c", f"{prefix}_main.c", f"{prefix}_record.h", "Makefile")]
 
     def _window(self) -> tuple[Array, Array, int]:
         x, w, filled = numpy.empty((self.n + 1, self.nx)), numpy.empty((self.n, self.nw)), ctypes.c_int64()
