@@ -50,8 +50,8 @@ pub enum CReal {
     Float = 1,
 }
 
-/// C code of values and Jacobians alone, under these names: what a controller calls. In single precision the functions are those of
-/// `<tgmath.h>`.
+/// C code of values and Jacobians alone, under these names: what a controller calls. In single precision the functions of
+/// `<math.h>` are `sinf` and so on.
 ///
 /// # Errors
 /// [`Error::Range`] for a name that is no C identifier or occurs twice, and for constants that single precision does not have.
@@ -68,11 +68,17 @@ pub fn write_c_first(functions: &[(&str, &ExprFunction)], real: CReal) -> Result
     }
     match real {
         CReal::Double => Ok(out),
-        CReal::Float => single(&out.replace("<math.h>", "<tgmath.h>")),
+        CReal::Float => single(&out),
     }
 }
 
-/// The same code in single precision: its type, and a suffix for all constants that are no integers.
+/// Functions of `<math.h>` that code calls.
+const MATHEMATICS: [&str; 16] = [
+    "sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "floor", "pow", "atan2",
+    "fabs",
+];
+
+/// The same code in single precision: its type, and a suffix for all functions of `<math.h>`, and for all constants that are no integers.
 fn single(code: &str) -> Result<String> {
     let bytes = code.as_bytes();
     let in_word = |b: u8| b.is_ascii_alphanumeric() || b == b'_';
@@ -101,7 +107,11 @@ fn single(code: &str) -> Result<String> {
             while i < bytes.len() && in_word(bytes[i]) {
                 i += 1;
             }
-            out.push_str(if &code[from..i] == "double" { "float" } else { &code[from..i] });
+            let word = &code[from..i];
+            out.push_str(if word == "double" { "float" } else { word });
+            if code[i..].starts_with('(') && MATHEMATICS.contains(&word) {
+                out.push('f');
+            }
         } else {
             // text between tokens may have any characters
             while i < bytes.len() && !in_word(bytes[i]) {
