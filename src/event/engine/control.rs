@@ -610,6 +610,9 @@ impl Engine {
     /// size, and a method of order `p` makes an error of a hundredth of the tolerance, by the rule of E. Hairer,
     /// S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I* (1993), section II.4, in a step of the
     /// `p`-th root of `0.01 / d0` of it. There the unit of time takes the place of that time.
+    ///
+    /// Where the motion does not depend on the time itself, a state whose velocity is rounding stays where it is: the second derivative is then
+    /// that over the whole interval.
     pub(super) fn initial_step(&mut self, longest: f64) -> Result<f64> {
         /// Share of the interval that nothing is known about.
         const BLIND: f64 = 1e-6;
@@ -629,7 +632,8 @@ impl Engine {
         let norm = |v: &[f64]| step::norm(v, &self.stepper.weights);
         let (d0, d1) = (norm(&self.stepper.node), norm(&self.f));
         let first = if d0 > 0.0 && d1 > 0.0 { d0 / d1 } else { f64::INFINITY };
-        let h = (0.01 * first).min(if first < most / BLIND { most } else { BLIND * most });
+        let stays = first >= most / BLIND && !self.stepper.timed;
+        let h = (0.01 * first).min(if first < most / BLIND || stays { most } else { BLIND * most });
         for ((y, x), f) in self.stepper.node.iter_mut().zip(&self.x).zip(&self.f) {
             *y = x + h * f;
         }
@@ -644,7 +648,11 @@ impl Engine {
         let second = if d0 > 0.0 && d2 > 0.0 { (d0 / d2).sqrt() } else { f64::INFINITY };
         let order = if self.stepper.implicit { 4.0 } else { self.stepper.pair.order() };
         let own = first.min(second);
-        let h1 = if own.is_finite() { own * (0.01 / d0).powf(1.0 / order).min(1.0) } else { BLIND.sqrt() * most };
+        let h1 = match own.is_finite() {
+            true => own * (0.01 / d0).powf(1.0 / order).min(1.0),
+            false if stays => most,
+            false => BLIND.sqrt() * most,
+        };
         Ok((100.0 * h).min(h1).min(most))
     }
 }

@@ -141,6 +141,7 @@ impl Engine {
                 alpha_start: Vec::with_capacity(most),
                 alpha_end: Vec::with_capacity(most),
                 fresh: true,
+                timed: system.depends_on_time(),
                 slid: 0,
             },
             foresight: Foresight::new(n_w, most),

@@ -65,6 +65,8 @@ pub(super) struct Stepper {
     pub(super) alpha_end: Vec<f64>,
     /// The step is the first one under its active set.
     pub(super) fresh: bool,
+    /// Does the motion depend on the time itself? If not, what does not move stays.
+    pub(super) timed: bool,
     /// Steps under it without a switch, see [`Engine::come_to_rest`](super::Engine::come_to_rest).
     pub(super) slid: usize,
 }
