@@ -208,13 +208,15 @@ def line(name, make, precision, folder):
     estimator = "estimator" in name
     with make() as c:
         c.write_c(folder, "unit", precision)
-    off = says(run(folder, "make", "-s", "test"))
+    run(folder, "make", "-s", "unit_main")
+    # what single precision makes of it is said, not asked for
+    off = says(subprocess.run(["./unit_main"], cwd=folder, capture_output=True, text=True).stdout)
     text, ram = size(folder, "size", "unit.o")
     out = f"{name:18} {precision:6} {text / 1e3:6.1f} {ram / 1e3:7.1f} {off:8.1e}"
     if shutil.which("qemu-aarch64") and shutil.which("aarch64-linux-gnu-gcc"):
         run(folder, "make", "-s", "clean")
         run(folder, "make", "-s", "unit_main", "CC=aarch64-linux-gnu-gcc")
-        out += f" {says(run(folder, 'qemu-aarch64', '-L', '/usr/aarch64-linux-gnu', './unit_main')):8.1e}"
+        out += f" {says(subprocess.run(['qemu-aarch64', '-L', '/usr/aarch64-linux-gnu', './unit_main'], cwd=folder, capture_output=True, text=True).stdout):8.1e}"
     else:
         out += f" {'-':>8}"
     if precision == "float" and shutil.which("qemu-system-arm") and shutil.which("arm-none-eabi-gcc"):
@@ -237,6 +239,9 @@ preparation and feedback. The processor needs some more cycles. "Other" counts s
 ```
 {table}
 ```
+
+Single precision is not enough for the pendulum: over two seconds upright the plant multiplies what rounding changes by ten thousand. Double precision is slow on this
+processor, which has no unit for it.
 
 `nm` finds no functions but those of the mathematical library, `memcpy` and `memset`. All files are compiled with `-std=c99 -Wall -Werror -ffreestanding`.
 """
