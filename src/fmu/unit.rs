@@ -237,7 +237,6 @@ impl Unit {
             }
             2 => self.u[i],
             3 => self.p[i],
-            4 if self.kind == Kind::CoSimulation => 1.0,
             4 => self.indicators()?[i],
             _ => self.t,
         })
@@ -325,8 +324,11 @@ impl Unit {
     /// [`Error::Numeric`] where they are not defined.
     pub fn indicators(&mut self) -> Result<&[f64]> {
         self.begin()?;
-        self.engine.set_data_outside(&self.u, &self.p)?;
-        match self.engine.watched_outside(self.t, &self.x, &mut self.watched)? {
+        let outside = self.kind == Kind::Exchange;
+        if outside {
+            self.engine.set_data_outside(&self.u, &self.p)?;
+        }
+        match self.engine.watched_outside(self.t, &self.x, outside, &mut self.watched)? {
             true => Ok(&self.watched),
             false => Err(Error::Numeric(format!("the event indicators are not defined at t = {}", self.t))),
         }

@@ -145,6 +145,67 @@ def test_networks_with_friction_slide_as_in_the_library(seed, tmp_path):
     assert np.abs(np.column_stack([r[f"v{i}"] for i in range(n)]) - expected).max() < 1e-6
 
 
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_event_that_stops_ends_the_simulation(kind, version, tmp_path):
+    m = swb.Model(states="height speed", name="drop")
+    m.derivatives = [m.speed, -9.81]
+    m.stop_at(m.height < 0, name="ground")
+    path = m.write_fmu(tmp_path / "drop.fmu", [1.0, 0.0], version=version, duration=2.0)
+    r = fmpy.simulate_fmu(str(path), stop_time=2.0, output_interval=0.1, fmi_type=kind, solver="CVode", output=["height"])
+    assert r["time"][-1] < 0.5 + 1e-9 and abs(np.interp(0.4, r["time"], r["height"]) - (1 - 0.5 * 9.81 * 0.16)) < 0.02
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_instances_are_independent_and_begin_anew(version, tmp_path):
+    from fmpy.fmi2 import FMU2Slave
+    from fmpy.fmi3 import FMU3Slave
+
+    path = tmp_path / "unit.fmu"
+    stick_slip()[0].write_fmu(path, [0.0, 0.3], params=[0.3], version=version)
+    d = fmpy.read_model_description(str(path))
+    numbers = {v.name: v.valueReference for v in d.modelVariables}
+    folder = fmpy.extract(str(path), str(tmp_path / "parts"))
+    token = d.guid if version == 2 else d.instantiationToken
+    kind = FMU2Slave if version == 2 else FMU3Slave
+    units = [kind(guid=token, unzipDirectory=folder, modelIdentifier="unit", instanceName=str(k)) for k in range(2)]
+
+    def begin(unit):
+        if version == 2:
+            unit.setupExperiment(startTime=0.0)
+        unit.enterInitializationMode()
+        unit.exitInitializationMode()
+
+    def get(unit, name):
+        return (unit.getReal if version == 2 else unit.getFloat64)([numbers[name]])[0]
+
+    def put(unit, name, value):
+        (unit.setReal if version == 2 else unit.setFloat64)([numbers[name]], [value])
+
+    for unit in units:
+        unit.instantiate()
+    put(units[1], "belt", 0.1)
+    put(units[1], "q", 0.5)
+    put(units[1], "v", 0.1)
+    for unit in units:
+        begin(unit)
+        unit.doStep(0.0, 1.0)
+    first = get(units[0], "q")
+    assert abs(first - 0.3) < 1e-9 and abs(get(units[1], "q") - 0.6) < 1e-9  # both stick to their belts
+    assert abs(get(units[0], "der(q)") - 0.3) < 1e-12 and abs(get(units[0], "der(v)")) < 1e-12
+    with pytest.raises(Exception):
+        put(units[0], "q", 0.0)
+    units[1].reset()
+    begin(units[1])
+    units[1].doStep(0.0, 1.0)
+    assert get(units[1], "q") == first and get(units[1], "belt") == 0.3
+    for unit in units:
+        unit.terminate()
+        unit.freeInstance()
+    with pytest.raises(Exception):
+        kind(guid="another", unzipDirectory=folder, modelIdentifier="unit", instanceName="other").instantiate()
+
+
 def test_what_a_unit_cannot_be(tmp_path):
     m, x0, data, _ = ball()
     with pytest.raises(swb.RangeError, match="letters, digits"):

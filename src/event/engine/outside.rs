@@ -65,17 +65,19 @@ impl Engine {
     }
 
     /// What is watched under the present modes: positive as long as they hold, 1 in the places that are left. `out` has
-    /// [`Engine::most_watched`] places. False where something is not defined.
+    /// [`Engine::most_watched`] places. `rooms`: what begins at zero by a little is above it, as others have to see it. False where something is not
+    /// defined.
     ///
     /// # Errors
     /// Those of the functions of the model.
-    pub fn watched_outside(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> Result<bool> {
+    pub fn watched_outside(&mut self, t: f64, x: &[f64], rooms: bool, out: &mut [f64]) -> Result<bool> {
         out.fill(1.0);
         if !recover(self.look_outside(t, x).map(|()| true), false)? {
             return Ok(false);
         }
         for (l, out) in out.iter_mut().enumerate().take(self.functions.watches.len()) {
-            *out = self.functions.watches[l].value(&self.field.q, &self.field) + self.functions.w1[l];
+            let room = if rooms { self.functions.w1[l] } else { 0.0 };
+            *out = self.functions.watches[l].value(&self.field.q, &self.field) + room;
         }
         Ok(true)
     }

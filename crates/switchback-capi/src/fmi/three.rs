@@ -279,7 +279,8 @@ exports! {
         unsafe {
             instance(c, |u| {
                 u.advance(t + h)?;
-                (*event, *terminate, *early, *last) = (false, u.is_ended(), u.is_ended(), u.time());
+                // an early return is one that the importer may go on from
+                (*event, *terminate, *early, *last) = (false, u.is_ended(), false, u.time());
                 Ok(())
             })
         }
