@@ -118,6 +118,61 @@ static void functions(void)
     swb_expr_free(g);
 }
 
+/* Inner problems: the signed distance of an ellipse and a circle, an inverse function, a least value. */
+static void inner(void)
+{
+    swb_expr *g = NULL;
+    swb_function *f = NULL;
+    int64_t x[2], d[2], w[2], squares[2], two, four, parts[2], support, out[5], least, product;
+    double value[5];
+    const double at_x[] = {0.0, 3.0}, constants[] = {4.0, 2.0};
+    const swb_point at = {0.0, at_x, NULL, NULL};
+    int32_t passed = 0;
+    CHECK_OK(swb_expr_create(&g));
+    CHECK_OK(swb_expr_inputs(g, SWB_INPUT_X, 0, x, 2));
+    CHECK_OK(swb_expr_unknowns(g, d, 2));
+    CHECK_OK(swb_expr_unknowns(g, w, 2));
+    CHECK(d[0] != w[0]);
+    CHECK_OK(swb_expr_constants(g, &constants[0], 1, &four, 1));
+    CHECK_OK(swb_expr_constants(g, &constants[1], 1, &two, 1));
+    /* sqrt(4 d0^2 + d1^2) + sqrt(d0^2 + d1^2): semi-axes 2 and 1, and a circle of radius 1 */
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, d, d, NULL, squares, 2));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &four, squares, NULL, &product, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_ADD, &product, &squares[1], NULL, &parts[0], 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_ADD, &squares[0], &squares[1], NULL, &parts[1], 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SQRT, parts, NULL, NULL, parts, 2));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_ADD, &parts[0], &parts[1], NULL, &support, 1));
+    CHECK_OK(swb_expr_signed_distance(g, x, support, d, x, 2.0, &out[0], &out[1], 2));
+    /* w0^2 = x1 + 1, and the least value of w1^2 - 2 x1 w1 */
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, w, w, NULL, squares, 2));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SUB, &squares[0], &x[1], NULL, &product, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SUB, &product, &four, NULL, &product, 1));
+    CHECK_OK(swb_expr_implicit(g, &product, w, &two, &out[3], 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &w[1], &x[1], NULL, &product, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &two, &product, NULL, &product, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SUB, &squares[1], &product, NULL, &product, 1));
+    CHECK_OK(swb_expr_inner_minimum(g, product, &w[1], &two, &least, &out[4], 1));
+    out[4] = least;
+    CHECK_OK(swb_expr_function(g, "inner", 2, 0, 0, out, 5, &f));
+    CHECK_OK(swb_function_eval(f, &at, value, 5));
+    CHECK_NEAR(value[0], 1.0, 1e-14);
+    CHECK_NEAR(value[1], 0.0, 1e-14);
+    CHECK_NEAR(value[2], 1.0, 1e-14);
+    CHECK_NEAR(value[3], sqrt(7.0), 1e-14);
+    CHECK_NEAR(value[4], -9.0, 1e-14);
+    CHECK_OK(swb_function_check_derivatives(f, &at, &passed, NULL, NULL, 0, NULL));
+    CHECK(passed);
+    swb_function_free(f);
+    /* not inner problems */
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_implicit(g, &product, x, &two, out, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_implicit(g, w, w, w, out, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_signed_distance(g, x, support, d, x, -1.0, out, out, 2));
+    CHECK_STATUS(SWB_ERR_NULL, swb_expr_inner_minimum(g, product, &w[1], &two, NULL, out, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_function(g, "f", 2, 0, 0, w, 1, &f));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_expr_unknowns(g, w, -1));
+    swb_expr_free(g);
+}
+
 /* A cost with a kink, |u| + q^2 / 2: its values and one-sided derivatives, where it belongs, and where it does not. */
 static void kinks(void)
 {
@@ -279,6 +334,7 @@ int main(void)
 {
     models();
     functions();
+    inner();
     modes_on_demand();
     kinks();
     refusals();

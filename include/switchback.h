@@ -5059,6 +5059,81 @@ swb_status swb_expr_solve(struct swb_expr *graph,
                           int64_t n);
 
 /**
+ * Unknowns of an inner problem: they stand for what swb_expr_implicit, swb_expr_inner_minimum and swb_expr_signed_distance find, and occur
+ * nowhere else.
+ *
+ * @param[out] out [n] the expressions
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_expr_unknowns(struct swb_expr *graph,
+                             int64_t *out,
+                             int64_t n);
+
+/**
+ * Solution of n equations G = 0 of n unknowns, found by a damped Newton method where it is evaluated. Its derivatives are exact and of any
+ * order (implicit function theorem). Where none is found the expression is not defined.
+ *
+ * @param[in]  equations [n] what is zero
+ * @param[in]  unknowns  [n] from swb_expr_unknowns, each once
+ * @param[in]  start     [n] where they are looked for, without unknowns
+ * @param[out] out       [n] the expressions
+ * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION; SWB_ERR_UNSUPPORTED for operators that switch
+ */
+SWB_API
+swb_status swb_expr_implicit(struct swb_expr *graph,
+                             const int64_t *equations,
+                             const int64_t *unknowns,
+                             const int64_t *start,
+                             int64_t *out,
+                             int64_t n);
+
+/**
+ * Least value of an expression over n unknowns near a start, and where it is. Newton's method descends in every step. Derivatives are exact and
+ * of any order (envelope theorem), where the second derivatives of the cost are positive definite.
+ *
+ * @param[in]  cost     what is least
+ * @param[in]  unknowns [n] from swb_expr_unknowns, each once
+ * @param[in]  start    [n] where they are looked for, without unknowns
+ * @param[out] least    [1] the least value
+ * @param[out] out      [n] where it is
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_RANGE; SWB_ERR_DIMENSION; SWB_ERR_UNSUPPORTED for operators that switch
+ */
+SWB_API
+swb_status swb_expr_inner_minimum(struct swb_expr *graph,
+                                  int64_t cost,
+                                  const int64_t *unknowns,
+                                  const int64_t *start,
+                                  int64_t *least,
+                                  int64_t *out,
+                                  int64_t n);
+
+/**
+ * Signed distance of two strictly convex bodies A and B, and the unit normal from B to A: the largest value of d . between - support over unit
+ * vectors d. It is smooth through zero, and its derivatives are exact.
+ *
+ * @param[in]  between   [n] the way from the origin of B to that of A
+ * @param[in]  support   expression of the direction d: the support function of A at -d plus that of B at d, where the support function of a body
+ *                       is the largest value of d . x over its points x from its origin; of an ellipsoid sqrt(d . S d)
+ * @param[in]  direction [n] from swb_expr_unknowns: the components of d
+ * @param[in]  start     [n] a first guess of the normal, such as between, without unknowns
+ * @param[in]  size      a length of the order of the bodies, positive: it scales the iteration
+ * @param[out] gap       [1] the signed distance
+ * @param[out] normal    [n] the normal
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_RANGE; SWB_ERR_DIMENSION; SWB_ERR_UNSUPPORTED for operators that switch
+ */
+SWB_API
+swb_status swb_expr_signed_distance(struct swb_expr *graph,
+                                    const int64_t *between,
+                                    int64_t support,
+                                    const int64_t *direction,
+                                    const int64_t *start,
+                                    double size,
+                                    int64_t *gap,
+                                    int64_t *normal,
+                                    int64_t n);
+
+/**
  * Values of a table.
  *
  * @param[in]  kind   enum swb_table

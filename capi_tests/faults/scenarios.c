@@ -332,7 +332,7 @@ static void steps_of_scenes(struct made *m)
 
 static void expressions(struct made *m)
 {
-    int64_t x[4], rhs[2], y[2], product[4], jac[16];
+    int64_t x[4], rhs[2], y[2], product[4], jac[16], w[1], equation;
     const double points[] = {0.0, 1.0, 2.0}, values[] = {0.0, 1.0, 4.0}, at_x[] = {2.0, 1.0, 1.0, 3.0};
     const swb_point at = {0.0, at_x, NULL, NULL};
     double out[2];
@@ -341,6 +341,9 @@ static void expressions(struct made *m)
     rhs[0] = x[0];
     rhs[1] = x[3];
     DO(swb_expr_solve(m->graph, x, 4, rhs, y, 2));
+    DO(swb_expr_unknowns(m->graph, w, 1));
+    DO(swb_expr_apply(m->graph, SWB_OPERATOR_SUB, w, x, NULL, &equation, 1));
+    DO(swb_expr_implicit(m->graph, &equation, w, x, y, 1));
     DO(swb_expr_matmul(m->graph, 2, 1, 2, y, 2, y, 2, product, 4));
     DO(swb_expr_table(m->graph, SWB_TABLE_SPLINE, points, 3, values, 3, y, product, 2));
     DO(swb_expr_jacobian(m->graph, product, 2, x, 4, jac, 8));

@@ -858,6 +858,12 @@ static void expressions(struct random *r)
     if (DO(swb_expr_inputs, graph, SWB_INPUT_X, 0, x, FRICTION_NX)) {
         DO(swb_expr_matmul, graph, 1, FRICTION_NX, 1, x, FRICTION_NX, x, FRICTION_NX, &product, 1);
         DO(swb_expr_solve, graph, x, 1, x + 1, &product, 1);
+        int64_t w[2], least, found[2];
+        if (DO(swb_expr_unknowns, graph, w, 2)) {
+            DO(swb_expr_implicit, graph, w, w, x, found, 1);
+            DO(swb_expr_inner_minimum, graph, w[0], w, x, &least, found, 1);
+            DO(swb_expr_signed_distance, graph, x, w[1], w, x, 1.0, &least, found, 2);
+        }
     }
     swb_system *system = NULL;
     if (DO(swb_model_system, model, &system))

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::dag::{CallKind, External};
 use super::function::ExprFunction;
+use super::implicit::Implicit;
 use super::op::{Binary, Unary};
 use super::piecewise::Piecewise;
 use super::tape::{Code, Compound, Tape};
@@ -138,6 +139,12 @@ pub(crate) fn fingerprint(text: &str, seed: u64) -> u64 {
 fn declarations<'a>(out: &mut String, own: &[&str], tapes: impl Iterator<Item = &'a Tape>) -> Result<()> {
     let mut names: Vec<&str> = Vec::new();
     let externals = externals(tapes);
+    if externals.iter().any(|e| Implicit::of(&e.0).is_some()) {
+        return Err(Error::Unsupported(
+            "there is no C code of inner problems (implicit functions, gaps between shapes): call the library instead"
+                .into(),
+        ));
+    }
     for name in own.iter().copied().chain(externals.iter().map(|e| e.0.name())) {
         if !is_c_identifier(name) || names.contains(&name) {
             return Err(Error::Range(format!(

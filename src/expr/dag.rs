@@ -36,6 +36,8 @@ pub enum Block {
     T,
     /// Weights of the outputs in a Hessian; not for models.
     Weight,
+    /// Unknowns of inner problems, see [`Dag::implicit`]; nowhere else.
+    Unknown,
 }
 
 /// The operation of a node and its operands.
@@ -111,6 +113,8 @@ pub struct Dag {
     pub(super) piecewise: Vec<Piecewise>,
     pub(super) switches: Vec<Switch>,
     pub(super) switch_index: BTreeMap<SwitchKey, u32>,
+    /// Unknowns of inner problems that were handed out.
+    pub(super) n_unknowns: usize,
 }
 
 impl Dag {

@@ -5,6 +5,7 @@
 //! subexpressions because equal nodes are one node.
 
 use super::dag::{CallKind, Dag, Group, Id, Node};
+use super::implicit::Partials;
 use super::op::{Binary, Unary};
 use crate::error::{Error, Result};
 use crate::stop;
@@ -323,6 +324,10 @@ impl Dag {
                 }
             }
             Group::Call { function, what, args } => {
+                if let Some(p) = self.implicit_partials(function, g, &args)? {
+                    self.implicit_back(region, &p, &weights, &args, adjoint);
+                    return Ok(());
+                }
                 for (out, arg, partial) in self.call_partials(function, what, &args, |a| region.place(a).is_some())? {
                     if let Some(k) = region.place(args[arg]) {
                         let v = self.mul(weights[out], partial);
@@ -332,6 +337,77 @@ impl Dag {
             }
         }
         Ok(())
+    }
+
+    /// Adjoints of the arguments of an implicit function: `V_zᵀ v − G_zᵀ G_w⁻ᵀ w` for the weights of value and unknowns.
+    fn implicit_back(
+        &mut self,
+        region: &Region,
+        p: &Partials,
+        weights: &[Id],
+        args: &[Id],
+        adjoint: &mut [Option<Id>],
+    ) {
+        let zero = self.constant(0.0);
+        if p.first == 1 && weights[0] != zero {
+            for &(arg, slope) in &p.value {
+                if let Some(k) = region.place(args[arg]) {
+                    let v = self.mul(weights[0], slope);
+                    self.accumulate(adjoint, k, v);
+                }
+            }
+        }
+        if weights[p.first..].iter().all(|&w| w == zero) {
+            return;
+        }
+        let z = self.solve_implicit(p, true, &weights[p.first..]);
+        for &(row, arg, slope) in &p.arguments {
+            if let Some(k) = region.place(args[arg]) {
+                let v = self.mul(z[row], slope);
+                let v = self.neg(v);
+                self.accumulate(adjoint, k, v);
+            }
+        }
+    }
+
+    /// Tangents of the components of an implicit function.
+    fn implicit_forward(
+        &mut self,
+        region: &Region,
+        p: &Partials,
+        args: &[Id],
+        tangents: &[Vec<(u32, Id)>],
+    ) -> Vec<Vec<(u32, Id)>> {
+        let n = p.n;
+        let mut rows: Vec<Vec<(u32, Id)>> = vec![Vec::new(); n];
+        for &(row, arg, slope) in &p.arguments {
+            if let Some(k) = region.place(args[arg]) {
+                let minus = self.neg(slope);
+                self.add_scaled(&mut rows[row], &tangents[k], minus);
+            }
+        }
+        let mut out: Vec<Vec<(u32, Id)>> = vec![Vec::new(); p.first + n];
+        for &(arg, slope) in &p.value {
+            if let Some(k) = region.place(args[arg]) {
+                self.add_scaled(&mut out[0], &tangents[k], slope);
+            }
+        }
+        for (col, b) in self.columns_of(&rows) {
+            for (out, x) in out[p.first..].iter_mut().zip(self.solve_implicit(p, false, &b)) {
+                out.push((col, x));
+            }
+        }
+        out
+    }
+
+    /// Right-hand sides of all columns that occur in rows.
+    fn columns_of(&mut self, rows: &[Vec<(u32, Id)>]) -> Vec<(u32, Vec<Id>)> {
+        let mut cols: Vec<u32> = rows.iter().flatten().map(|e| e.0).collect();
+        cols.sort_unstable();
+        cols.dedup();
+        let zero = self.constant(0.0);
+        let entry = |r: &Vec<(u32, Id)>, col: u32| r.binary_search_by_key(&col, |e| e.0).map_or(zero, |k| r[k].1);
+        cols.into_iter().map(|col| (col, rows.iter().map(|r| entry(r, col)).collect())).collect()
     }
 
     /// Entries of a decomposed matrix that depend on the inputs: row, column, place.
@@ -416,6 +492,9 @@ impl Dag {
         match entry.group {
             Group::Factor { .. } => {}
             Group::Call { function, what, args } => {
+                if let Some(p) = self.implicit_partials(function, g, &args)? {
+                    return Ok(self.implicit_forward(region, &p, &args, tangents));
+                }
                 for (out, arg, partial) in self.call_partials(function, what, &args, |a| region.place(a).is_some())? {
                     if let Some(k) = region.place(args[arg]) {
                         self.add_scaled(&mut rows[out], &tangents[k], partial);
@@ -434,14 +513,8 @@ impl Dag {
                     let minus = self.neg(x);
                     self.add_scaled(&mut rows[r], &tangents[a], minus);
                 }
-                let mut cols: Vec<u32> = rows.iter().flatten().map(|e| e.0).collect();
-                cols.sort_unstable();
-                cols.dedup();
-                let zero = self.constant(0.0);
                 let mut out: Vec<Vec<(u32, Id)>> = vec![Vec::new(); n];
-                for col in cols {
-                    let b: Vec<Id> =
-                        rows.iter().map(|r| r.binary_search_by_key(&col, |e| e.0).map_or(zero, |k| r[k].1)).collect();
+                for (col, b) in self.columns_of(&rows) {
                     for (out, x) in out.iter_mut().zip(self.solve_factored(factor, transposed, &b)) {
                         out.push((col, x));
                     }

@@ -94,18 +94,24 @@ impl Dag {
                 function.name()
             )));
         }
-        let same = |f: &External| std::ptr::addr_eq(std::sync::Arc::as_ptr(f), std::sync::Arc::as_ptr(function));
-        let index = self.functions.iter().position(same).unwrap_or_else(|| {
-            self.functions.push(function.clone());
-            self.functions.len() - 1
-        });
+        let index = self.function_number(function);
         let n = match what {
             CallKind::Value => function.n_out(),
             CallKind::Jacobian => function.jac_pattern().nnz(),
             CallKind::Hessian(_) => function.hess_pattern().nnz(),
         };
-        let g = self.group(Group::Call { function: index as u32, what, args: args.to_vec() }, n);
+        let g = self.group(Group::Call { function: index, what, args: args.to_vec() }, n);
         Ok((0..n).map(|k| self.pick(g, k)).collect())
+    }
+
+    /// The number of a function among those that are called.
+    pub(super) fn function_number(&mut self, function: &External) -> u32 {
+        let same = |f: &External| std::ptr::addr_eq(std::sync::Arc::as_ptr(f), std::sync::Arc::as_ptr(function));
+        let index = self.functions.iter().position(same).unwrap_or_else(|| {
+            self.functions.push(function.clone());
+            self.functions.len() - 1
+        });
+        index as u32
     }
 
     /// The decompositions of matrices that the nodes need: numbers that are equal for equal matrices, sorted.

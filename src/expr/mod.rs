@@ -18,6 +18,7 @@ mod extend;
 mod function;
 mod graph;
 mod held;
+mod implicit;
 mod interval;
 mod kinks;
 mod linear;

@@ -6,6 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::dag::{Block, CallKind, Dag, External, Group, Id, Node};
+use super::implicit::{Implicit, SavedImplicit};
 use super::op::{Binary, Unary};
 use super::piecewise::Piecewise;
 use crate::error::{Error, Result};
@@ -53,6 +54,7 @@ enum SavedGroup {
     Call { function: u32, args: Vec<u32> },
     CallJacobian { function: u32, args: Vec<u32> },
     CallHessian { function: u32, output: u32, args: Vec<u32> },
+    Implicit { problem: u32, args: Vec<u32> },
 }
 
 /// A function that a document names but does not contain: it is supplied by its name when the document is read.
@@ -112,6 +114,8 @@ pub struct SavedGraph {
     groups: Vec<SavedGroup>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     functions: Vec<Signature>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    implicit: Vec<SavedImplicit>,
     roots: Vec<u32>,
 }
 
@@ -126,7 +130,8 @@ impl SavedGraph {
         let number = |id: Id| reachable.binary_search(&id).map_or(0, |k| k as u32);
         let numbers = |ids: &[Id]| ids.iter().map(|&id| number(id)).collect::<Vec<u32>>();
         let mut saved = SavedGraph { roots: numbers(roots), ..SavedGraph::default() };
-        let (mut tables, mut groups, mut functions) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut tables, mut groups) = (Vec::new(), Vec::new());
+        let (mut functions, mut implicit) = (Vec::new(), Vec::new());
         let place = |list: &mut Vec<u32>, k: u32| {
             list.iter().position(|&l| l == k).unwrap_or_else(|| {
                 list.push(k);
@@ -165,6 +170,11 @@ impl SavedGraph {
                     };
                     SavedGroup::Solve { matrix: numbers(matrix), transposed: *transposed, rhs: numbers(rhs) }
                 }
+                Group::Call { function, args, .. } if Implicit::of(&dag.functions[*function as usize]).is_some() => {
+                    // the time is no argument of it
+                    let args = numbers(&args[..args.len() - 1]);
+                    SavedGroup::Implicit { problem: place(&mut implicit, *function), args }
+                }
                 Group::Call { function, what, args } => {
                     let (function, args) = (place(&mut functions, *function), numbers(args));
                     match what {
@@ -178,6 +188,12 @@ impl SavedGraph {
             saved.groups.push(group);
         }
         saved.tables = tables.iter().map(|&t| saved_table(&dag.piecewise[t as usize])).collect();
+        for &f in &implicit {
+            let problem = Implicit::of(&dag.functions[f as usize]).and_then(Implicit::saved).ok_or_else(|| {
+                Error::Unsupported("an inner problem that calls a function of its own cannot be saved".into())
+            })?;
+            saved.implicit.push(problem.clone());
+        }
         for &f in &functions {
             let signature = Signature::of(dag.functions[f as usize].as_ref());
             if saved.functions.iter().any(|g| g.name == signature.name) {
@@ -386,6 +402,14 @@ impl Restorer<'_> {
                 let (matrix, rhs) = (self.values(matrix)?, self.values(rhs)?);
                 let factor = self.dag.group(Group::Factor { n: n as u32, matrix }, 0);
                 return Ok(self.dag.solve_factored(factor, *transposed, &rhs));
+            }
+            SavedGroup::Implicit { problem, args } => {
+                let n = saved.implicit.len();
+                let problem = saved.implicit.get(*problem as usize);
+                let problem =
+                    problem.ok_or_else(|| Error::Range(format!("an inner problem does not exist: there are {n}")))?;
+                let args = self.values(args)?;
+                return self.dag.restore_implicit(problem, &args);
             }
             SavedGroup::Call { function, args } => (*function, CallKind::Value, args),
             SavedGroup::CallJacobian { function, args } => (*function, CallKind::Jacobian, args),

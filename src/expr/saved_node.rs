@@ -24,6 +24,7 @@ fn block_name(block: Block) -> &'static str {
         Block::P => "p",
         Block::T => "t",
         Block::Weight => "weight",
+        Block::Unknown => "unknown",
     }
 }
 

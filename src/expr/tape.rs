@@ -569,6 +569,10 @@ impl Compiler<'_> {
             Block::P => (PARAMETERS, d.p, d.x + d.u, "p"),
             Block::T => (3, 1, d.t_col(), "t"),
             Block::Weight => (WEIGHTS, self.tape.n_weights, d.n_in(), "weights"),
+            Block::Unknown => return Err(Error::Range(
+                "the expression contains an unknown of an inner problem: take what the problem gives for it instead"
+                    .into(),
+            )),
         };
         if index < size {
             self.tape.loads.push(Load { block: number, index: index as u32, flat: (first + index) as u32 });

@@ -23,6 +23,7 @@ impl Dag {
             Block::P => format!("p[{i}]"),
             Block::T => "t".into(),
             Block::Weight => format!("w[{i}]"),
+            Block::Unknown => format!("unknown[{i}]"),
         })
     }
 

@@ -64,6 +64,7 @@ impl Names {
             Block::P => (&self.p, "p"),
             Block::T => return "t".into(),
             Block::Weight => return format!("w[{i}]"),
+            Block::Unknown => return format!("unknown[{i}]"),
         };
         list.get(i).filter(|n| !n.is_empty()).cloned().unwrap_or_else(|| format!("{letter}[{i}]"))
     }

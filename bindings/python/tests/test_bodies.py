@@ -239,8 +239,8 @@ def test_refusals():
         w.trajectory(other.simulate(0.1), ball)
     box = swb.World()
     box.box(1.0, 1.0, 1.0)
-    box.disc(0.1, 1.0)
-    with pytest.raises(swb.UnsupportedError, match="not smooth"):
+    box.box(1.0, 1.0, 1.0)
+    with pytest.raises(swb.UnsupportedError, match="sharp corners"):
         box.scene
 
 

@@ -292,6 +292,113 @@ pub unsafe extern "C" fn swb_expr_solve(
     })
 }
 
+/// Unknowns of an inner problem: they stand for what swb_expr_implicit, swb_expr_inner_minimum and swb_expr_signed_distance find, and occur
+/// nowhere else.
+///
+/// @param[out] out [n] the expressions
+/// @return SWB_OK; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_expr_unknowns(graph: *mut swb_expr, out: *mut i64, n: i64) -> swb_status {
+    guard(|| unsafe {
+        let n_unknowns = sizes::index(n, "n")?;
+        let made = handle::with_mut(graph, |d| Ok(d.unknowns(n_unknowns)))?;
+        put(out, n, &made, "out")
+    })
+}
+
+/// Solution of n equations G = 0 of n unknowns, found by a damped Newton method where it is evaluated. Its derivatives are exact and of any
+/// order (implicit function theorem). Where none is found the expression is not defined.
+///
+/// @param[in]  equations [n] what is zero
+/// @param[in]  unknowns  [n] from swb_expr_unknowns, each once
+/// @param[in]  start     [n] where they are looked for, without unknowns
+/// @param[out] out       [n] the expressions
+/// @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION; SWB_ERR_UNSUPPORTED for operators that switch
+#[no_mangle]
+pub unsafe extern "C" fn swb_expr_implicit(
+    graph: *mut swb_expr,
+    equations: *const i64,
+    unknowns: *const i64,
+    start: *const i64,
+    out: *mut i64,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let made = handle::with_mut(graph, |d| {
+            let g = values(d, equations, n, "equations")?;
+            let (w, s) = (values(d, unknowns, n, "unknowns")?, values(d, start, n, "start")?);
+            d.implicit(&g, &w, &s)
+        })?;
+        put(out, n, &made, "out")
+    })
+}
+
+/// Least value of an expression over n unknowns near a start, and where it is. Newton's method descends in every step. Derivatives are exact and
+/// of any order (envelope theorem), where the second derivatives of the cost are positive definite.
+///
+/// @param[in]  cost     what is least
+/// @param[in]  unknowns [n] from swb_expr_unknowns, each once
+/// @param[in]  start    [n] where they are looked for, without unknowns
+/// @param[out] least    [1] the least value
+/// @param[out] out      [n] where it is
+/// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_RANGE; SWB_ERR_DIMENSION; SWB_ERR_UNSUPPORTED for operators that switch
+#[no_mangle]
+pub unsafe extern "C" fn swb_expr_inner_minimum(
+    graph: *mut swb_expr,
+    cost: i64,
+    unknowns: *const i64,
+    start: *const i64,
+    least: *mut i64,
+    out: *mut i64,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (value, made) = handle::with_mut(graph, |d| {
+            let cost = values(d, &cost, 1, "cost")?[0];
+            let (w, s) = (values(d, unknowns, n, "unknowns")?, values(d, start, n, "start")?);
+            d.inner_minimum(cost, &w, &s)
+        })?;
+        put(least, 1, &[value], "least")?;
+        put(out, n, &made, "out")
+    })
+}
+
+/// Signed distance of two strictly convex bodies A and B, and the unit normal from B to A: the largest value of d . between - support over unit
+/// vectors d. It is smooth through zero, and its derivatives are exact.
+///
+/// @param[in]  between   [n] the way from the origin of B to that of A
+/// @param[in]  support   expression of the direction d: the support function of A at -d plus that of B at d, where the support function of a body
+///                       is the largest value of d . x over its points x from its origin; of an ellipsoid sqrt(d . S d)
+/// @param[in]  direction [n] from swb_expr_unknowns: the components of d
+/// @param[in]  start     [n] a first guess of the normal, such as between, without unknowns
+/// @param[in]  size      a length of the order of the bodies, positive: it scales the iteration
+/// @param[out] gap       [1] the signed distance
+/// @param[out] normal    [n] the normal
+/// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_RANGE; SWB_ERR_DIMENSION; SWB_ERR_UNSUPPORTED for operators that switch
+#[no_mangle]
+pub unsafe extern "C" fn swb_expr_signed_distance(
+    graph: *mut swb_expr,
+    between: *const i64,
+    support: i64,
+    direction: *const i64,
+    start: *const i64,
+    size: f64,
+    gap: *mut i64,
+    normal: *mut i64,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (value, made) = handle::with_mut(graph, |d| {
+            let support = values(d, &support, 1, "support")?[0];
+            let (c, w) = (values(d, between, n, "between")?, values(d, direction, n, "direction")?);
+            let s = values(d, start, n, "start")?;
+            d.signed_distance(&c, support, &w, &s, size)
+        })?;
+        put(gap, 1, &[value], "gap")?;
+        put(normal, n, &made, "normal")
+    })
+}
+
 /// Values of a table.
 ///
 /// @param[in]  kind   enum swb_table

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ._gaps import _shapes_of
 from .errors import UnsupportedError
 from .shapes import Body, Fixed
 
@@ -54,12 +55,24 @@ def check_shapes(a: Body, b: Body | Fixed) -> None:
             raise UnsupportedError(f"{body.name} has no shape: it touches nothing. Give the link shapes")
     if isinstance(b, Fixed):
         return
-    if not (a._round and b._round):
+    bent = [any(s.squares is not None for s in body._spots) for body in (a, b)]
+    sided = [any(cores for _, cores in _shapes_of(body)) for body in (a, b)]
+    other = "Name the pairs that may touch, without this one"
+    if len(a._spots[0].at) == 3 and all(p or q for p, q in zip(bent, sided)) and any(sided):
         raise UnsupportedError(
-            f"{a.name} ({a.shape}) and {b.name} ({b.shape}): the distance of sides and corners is not smooth; "
-            "boxes, rods, capsules and ellipsoids touch planes only. Name the pairs that may touch, without this one"
+            f"{a.name} ({a.shape}) and {b.name} ({b.shape}): in space boxes and capsules touch planes, spheres and points, not "
+            f"edges and ellipsoids. {other}"
         )
-    if not any(s.radius for s in a._spots + b._spots):
-        raise UnsupportedError(
-            f"{a.name} and {b.name} are points: they do not touch. Name the pairs that may touch, without this one"
-        )
+    if all(s.radius == 0.0 and s.squares is None for s in a._spots + b._spots):
+        if any(sided):
+            raise UnsupportedError(
+                f"{a.name} ({a.shape}) and {b.name} ({b.shape}) have sharp corners, whose distance has no direction where they touch: "
+                f"give one of them a rounding, box(..., rounding=0.01), or a radius. {other}"
+            )
+        raise UnsupportedError(f"{a.name} and {b.name} are points: they do not touch. {other}")
+    for body, round_, core in ((a, bent[0], b), (b, bent[1], a)):
+        if round_ and any(c.radius == 0.0 for _, cores in _shapes_of(core) for c in cores):
+            raise UnsupportedError(
+                f"{core.name} ({core.shape}) has sharp corners, whose distance from {body.name} has no direction where they touch: "
+                f"give it a rounding or a radius. {other}"
+            )

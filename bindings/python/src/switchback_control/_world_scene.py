@@ -15,7 +15,8 @@ from .errors import ArgumentError, DimensionError
 from .expr import Expr
 from .multibody import Joint, Trees, loop
 from .scene import Scene
-from .shapes import Body, BodyState, Fixed, States, _Pair, _Touch, _value
+from ._gaps import _Touch, touches_of
+from .shapes import Body, BodyState, Fixed, States, _Pair, _value
 
 if TYPE_CHECKING:
     from .bodies import World
@@ -50,16 +51,11 @@ def write(world: World, pairs: list[_Pair]) -> Scene:
     states = read(scene.x, scene.u, scene.p, scene.t)
     touches = []
     for p in pairs:
-        others: list[Any] = [None] if isinstance(p.b, Fixed) else p.b._spots
-        for spot in p.a._spots:
-            for other in others:
-                first = f"{p.a.name} {spot.name}".strip()
-                second = p.b.name if other is None else f"{p.b.name} {other.name}".strip()
-                touch = _Touch(f"{first}-{second}", p.a, spot, p.b, other, p.mu, p.e)
-                gap, _, sliding, _ = touch.geometry(states)
-                tangents = sliding if rough(p.mu) else []
-                scene.contact(touch.name, gap, tangents, mu=_value(p.mu, states), e=_value(p.e, states))
-                touches.append(touch)
+        for touch in touches_of(p):
+            gap, _, sliding, _ = touch.geometry(states)
+            tangents = sliding if rough(p.mu) else []
+            scene.contact(touch.name, gap, tangents, mu=_value(p.mu, states), e=_value(p.e, states))
+            touches.append(touch)
     for joint in world.joints:
         _hold(scene, joint, states)
     for name, zero in world._constraints:

@@ -13,7 +13,8 @@ from ._arrays import Array, number, vector
 from .errors import ArgumentError, RangeError, StateError, UnsupportedError
 from .plot import _pyplot
 from .runs import Run
-from .shapes import Body, Fixed, Motion, States, _Touch
+from ._gaps import _Touch
+from .shapes import Body, Fixed, Motion, States
 from ._space_pictures import frames
 from ._world_scene import layout_of
 

@@ -35,7 +35,7 @@ class _Placed:
 
 
 class World:
-    """Rigid bodies with contacts: discs, boxes, rods, capsules and points in the plane; spheres, boxes, capsules, ellipsoids,
+    """Rigid bodies with contacts: discs, ellipses, boxes, rods, capsules and points in the plane; spheres, boxes, capsules, ellipsoids,
     points and links of several shapes in space, with joints; and planes that they do not pass. It writes the expressions of a
     `Scene`, which is there as `scene`.
 
@@ -143,7 +143,7 @@ class World:
     ) -> Body:
         """Add a body; `own` are the moments of inertia of a homogeneous one of mass one about its axes."""
         if not self.space:
-            there = "discs, boxes, rods, capsules, points and planes"
+            there = "discs, ellipses, boxes, rods, capsules, points and planes"
             raise UnsupportedError(f"this world is in the plane: it has {there}, not {shape}s")
         name = self._name(name, shape)
         m = positive(mass, f"the mass of {name}")
@@ -180,21 +180,34 @@ class World:
         *,
         depth: float | None = None,
         centre: Any = (0.0, 0.0, 0.0),
+        rounding: float = 0.0,
     ) -> Body:
-        """Add a box, whose corners touch planes; without `inertia` it is homogeneous. In space its width is along x, its
-        `depth` along y and its height along z; `inertia` is then a matrix, or moments about three axes, and `centre` its
-        middle, from the centre of mass."""
+        """Add a box; without `inertia` it is homogeneous. In space its width is along x, its `depth` along y and its height along
+        z; `inertia` is then a matrix, or moments about three axes, and `centre` its middle, from the centre of mass.
+
+        `rounding` is the radius of its corners and edges, within its width and height. Boxes touch planes, and bodies that have
+        a radius or a rounding, as far as `contacts` says: with sharp corners on both sides there is no direction of the distance.
+        """
+        r = number(rounding, "the rounding of a box")
         w, h = positive(width, "the width of a box"), positive(height, "the height of a box")
         if not self.space:
             if depth is not None:
                 raise UnsupportedError("a box in the plane has no depth")
-            return self._add("box", name, mass, inertia, (w * w + h * h) / 12.0, size=(w, h), turns=True)
+            if not 0.0 <= 2.0 * r < min(w, h):
+                raise RangeError(f"the rounding of a box is {r:g}: it must be less than half of its least width")
+            return self._add("box", name, mass, inertia, (w * w + h * h) / 12.0, size=(w, h), radius=r, turns=True)
         if depth is None:
             raise ArgumentError("a box in space needs a depth: box(width, height, mass, depth=...)")
         d = positive(depth, "the depth of a box")
         own = (d * d + h * h) / 12.0, (w * w + h * h) / 12.0, (w * w + d * d) / 12.0
-        shape = Shape("box", (w, d, h), at=place_of(centre, "centre"))
-        return self._add_in_space("box", name, mass, inertia, own, [shape], size=(w, d, h), turns=True)
+        shape = Shape("box", (w, d, h), r, at=place_of(centre, "centre"))
+        return self._add_in_space("box", name, mass, inertia, own, [shape], radius=r, size=(w, d, h), turns=True)
+
+    def ellipse(self, a: float, b: float, mass: float, inertia: float | None = None, name: str | None = None) -> Body:
+        """Add an ellipse with semi-axes along x and y where it is not turned, in the plane; without `inertia` it is homogeneous."""
+        semi = positive(a, "the semi-axis a of an ellipse"), positive(b, "the semi-axis b of an ellipse")
+        own = 0.25 * (semi[0] ** 2 + semi[1] ** 2)
+        return self._add("ellipse", name, mass, inertia, own, size=semi, turns=True)
 
     def rod(self, length: float, mass: float, inertia: float | None = None, name: str | None = None) -> Body:
         """Add a thin rod, whose ends touch planes; it is horizontal at angle 0. Without `inertia` it is homogeneous."""
@@ -211,7 +224,7 @@ class World:
         *,
         centre: Any = (0.0, 0.0, 0.0),
     ) -> Body:
-        """Add a rod with round ends, `length` between their centres, which touch planes; along x where it is not turned.
+        """Add a rod with round ends, `length` between their centres, along x where it is not turned.
         Without `inertia` it is homogeneous. `centre`, in space: see `box`."""
         n, r = positive(length, "the length of a capsule"), positive(radius, "the radius of a capsule")
         if self.space:
@@ -268,7 +281,7 @@ class World:
         *,
         centre: Any = (0.0, 0.0, 0.0),
     ) -> Body:
-        """Add an ellipsoid with semi-axes along x, y and z, in space; it touches planes. Without `inertia` it is homogeneous.
+        """Add an ellipsoid with semi-axes along x, y and z, in space. Without `inertia` it is homogeneous.
         `centre`: see `box`."""
         semi = tuple(positive(s, f"the semi-axis {n} of an ellipsoid") for n, s in zip("abc", (a, b, c)))
         x, y, z = (s * s / 5.0 for s in semi)
@@ -347,9 +360,10 @@ class World:
         any, all pairs that are not named yet. `mu` and `e` are their friction and restitution. A world of which this is
         never said has contacts of all pairs.
 
-        Boxes, rods, capsules and ellipsoids touch planes only: the distance of a side from another body is not smooth where
-        the nearest point passes a corner. Round bodies touch each other. Bodies that joints connect are no pairs unless they are
-        named.
+        All shapes touch planes. In the plane discs, ellipses, boxes, rods and capsules touch each other where there are no sharp
+        corners on both sides: give boxes a rounding. In space spheres, points and ellipsoids touch each other, and boxes and
+        capsules touch spheres. A box or capsule has a contact for each corner or end of one body with the other. Bodies that joints
+        connect are no pairs unless they are named.
         """
         mu, e = (self.mu if mu is None else mu), (self.e if e is None else e)
         old = list(self._pairs or [])

@@ -52,6 +52,8 @@ __all__ = [
     "exp",
     "external",
     "floor",
+    "implicit",
+    "inner_minimum",
     "jacobian",
     "log",
     "maximum",
@@ -60,6 +62,7 @@ __all__ = [
     "norm",
     "relay",
     "sign",
+    "signed_distance",
     "sin",
     "sinh",
     "solve",
@@ -618,6 +621,89 @@ def solve(matrix: Any, rhs: Any) -> Any:
         graph._do("solve", address(columns), columns.size, address(r), address(x), len(r))
         out[:, j] = x
     return graph._expr(out.reshape(b.shape))
+
+
+def _unknowns(start: Any, graph: Graph | None, what: str) -> tuple[Graph, Expr, Expr, bool]:
+    """Unknowns for an inner problem, with where they are looked for, as lists; and whether that is a single one."""
+    found = _graph_among((start,)) or graph
+    if found is None:
+        raise ArgumentError(f"the start of {what} consists of numbers: say of which model it is, {what}(..., graph=model.graph)")
+    first = found.of(start)
+    if first.ndim > 1 or first.size == 0:
+        raise DimensionError(f"the start of {what} is a list of numbers or expressions, not an array of shape {first.shape}")
+    ids = numpy.empty(first.size, dtype=numpy.int64)
+    found._do("unknowns", address(ids), ids.size)
+    return found, first.reshape(-1), found._expr(ids), first.ndim == 0
+
+
+def implicit(equations: Callable[[Any], Any], start: Any, graph: Graph | None = None) -> Expr:
+    """The solution w of equations G(w) = 0, as an expression: found by a damped Newton method where it is evaluated.
+
+        w = implicit(lambda w: w**3 + w - x[0], start=x[0])  # the inverse of w + w**3
+
+    `equations` is a function of w that returns as many expressions as `start` has. Derivatives are exact and of any order
+    (implicit function theorem). Where no solution is found the expression is not defined, as a root of a negative number is not.
+    Errors: `UnsupportedError` for operators that switch, `RangeError`, `DimensionError`.
+    """
+    g, first, w, scalar = _unknowns(start, graph, "implicit")
+    zero = g.of(equations(w[0] if scalar else w)).reshape(-1)
+    if zero.size != w.size:
+        raise DimensionError(f"there are {zero.size} equations for {w.size} unknowns: there must be as many")
+    out = numpy.empty(w.size, dtype=numpy.int64)
+    given = [_packed(e._ids) for e in (zero, w, first)]
+    g._do("implicit", *(address(i) for i in given), address(out), out.size)
+    found = g._expr(out)
+    return found[0] if scalar else found
+
+
+def inner_minimum(cost: Callable[[Any], Any], start: Any, graph: Graph | None = None) -> tuple[Expr, Expr]:
+    """The least value of a function near a start, and where it is, as expressions.
+
+        least, w = inner_minimum(lambda w: w**4 / 4 - x[0] * w, start=1.0, graph=m.graph)
+
+    Newton's method descends in every step where the expressions are evaluated. Derivatives are exact and of any order where the
+    second derivatives of the cost are positive definite. Errors as `implicit`.
+    """
+    g, first, w, scalar = _unknowns(start, graph, "inner_minimum")
+    value = g.of(cost(w[0] if scalar else w)).reshape(-1)
+    if value.size != 1:
+        raise DimensionError(f"a cost is one expression, not {value.size}")
+    out, least = numpy.empty(w.size, dtype=numpy.int64), numpy.empty(1, dtype=numpy.int64)
+    unknowns, begin = _packed(w._ids), _packed(first._ids)
+    g._do("inner_minimum", int(value._ids[0]), address(unknowns), address(begin), address(least), address(out), out.size)
+    found = g._expr(out)
+    return g._expr(least)[0], found[0] if scalar else found
+
+
+def signed_distance(
+    between: Any, support: Callable[[Any], Any], start: Any = None, size: float = 1.0
+) -> tuple[Expr, Expr]:
+    """Signed distance of two strictly convex bodies A and B, and the unit normal from B to A, as expressions.
+
+        gap, normal = signed_distance([x - 2.0, y], lambda d: sqrt(4 * d[0] ** 2 + d[1] ** 2) + 0.5 * norm(d))
+
+    between   the way from the origin of B to that of A, two or three expressions
+    support   a function of a direction d: the support function of A at -d plus that of B at d. That of a body is the largest value
+              of d . x over its points x, from its origin: r norm(d) of a circle, sqrt(d . S d) of an ellipse with the matrix S of
+              squared semi-axes
+    start     a first guess of the normal, by default `between`
+    size      a length of the order of the bodies, which scales the iteration
+
+    The gap is the largest value of d . between - support(d) over unit vectors. Negative values say how far the bodies have to be
+    moved apart. It is smooth through zero, down to an overlap of the sum of the radii of curvature. Errors as `implicit`.
+    """
+    g, first, d, _ = _unknowns(between if start is None else start, _graph_among((between,)), "signed_distance")
+    way = g.of(between).reshape(-1)
+    if way.size != d.size:
+        raise DimensionError(f"the start has {d.size} components, the way between the bodies {way.size}")
+    h = g.of(support(d)).reshape(-1)
+    if h.size != 1:
+        raise DimensionError(f"a support function is one expression, not {h.size}")
+    out, gap = numpy.empty(d.size, dtype=numpy.int64), numpy.empty(1, dtype=numpy.int64)
+    c, unknowns, begin = (_packed(e._ids) for e in (way, d, first))
+    ids = address(unknowns), address(begin)
+    g._do("signed_distance", address(c), int(h._ids[0]), *ids, number(size, "size"), address(gap), address(out), out.size)
+    return g._expr(gap)[0], g._expr(out)
 
 
 def jacobian(outputs: Any, inputs: Expr) -> Expr:

@@ -86,7 +86,7 @@ class Shape:
     kind     "point", "sphere", "box", "capsule", "ellipsoid"
     size     full width, depth and height of a box; length of a capsule between the centres of its ends, along its x axis;
              semi-axes of an ellipsoid
-    radius   of spheres and capsules, else 0
+    radius   of spheres and capsules, and of the edges and corners of a box, else 0
     at       its centre, from the centre of mass, in the axes of the body
     turn     its rotation against the body: a quaternion (w, x, y, z), three angles about fixed axes x, y, z, or a matrix
     """
@@ -105,10 +105,12 @@ class Shape:
         size = vector(self.size, n, f"size of a {self.kind}") if n else numpy.zeros(0)
         radius = number(self.radius, f"radius of a {self.kind}")
         round_ = self.kind in ("sphere", "capsule")
+        if self.kind == "box" and not 0.0 <= 2.0 * radius < min(size):
+            raise RangeError(f"a box of size {self.size} has edges of radius {self.radius}: it must be less than half of its least width")
         if not numpy.all((size > 0.0) & numpy.isfinite(size)) or (round_ and not 0.0 < radius < numpy.inf):
             raise RangeError(f"a {self.kind} has size {self.size} and radius {self.radius}: they must be positive")
         object.__setattr__(self, "size", tuple(size.tolist()))
-        object.__setattr__(self, "radius", radius if round_ else 0.0)
+        object.__setattr__(self, "radius", radius if round_ or self.kind == "box" else 0.0)
         object.__setattr__(self, "at", tuple(vector(self.at, 3, f"place of a {self.kind}").tolist()))
         object.__setattr__(self, "turn", rotation(self.turn, f"turn of a {self.kind}"))
 
@@ -121,7 +123,7 @@ class Shape:
             return _Spot(name, tuple(at), self.radius, semi)
 
         if self.kind == "box":
-            a, b, c = (0.5 * s for s in self.size)
+            a, b, c = (0.5 * s - self.radius for s in self.size)
             words = (("lower", -c), ("upper", c)), (("front", -b), ("back", b)), (("left", -a), ("right", a))
             return [spot(f"{i} {j} {k}", [x, y, z]) for i, z in words[0] for j, y in words[1] for k, x in words[2]]
         if self.kind == "capsule":
@@ -131,10 +133,17 @@ class Shape:
             return [spot("", [0.0, 0.0, 0.0], sp.constants(0.5 * (squares + squares.T)))]
         return [spot("", [0.0, 0.0, 0.0])]
 
+    @property
+    def _half(self) -> tuple[float, ...] | None:
+        """Half widths of a box or capsule without its radius; none of round shapes."""
+        if self.kind == "box":
+            return tuple(0.5 * s - self.radius for s in self.size)
+        return (0.5 * self.size[0], 0.0, 0.0) if self.kind == "capsule" else None
+
 
 @dataclass(frozen=True)
 class _Spot:
-    """What can touch a plane: a point of a body with its radius, or a centre with the matrix of an ellipsoid."""
+    """What can touch a plane: a point of a body with its radius, or a centre with the matrix of squared semi-axes of an ellipsoid."""
 
     name: str
     at: tuple[float, ...]
@@ -146,11 +155,12 @@ class _Spot:
 class Body:
     """A body that moves, as `World.disc` and its like return it.
 
-    name, shape    "disc", "box", "rod", "capsule", "point" in the plane; "sphere", "box", "capsule", "ellipsoid", "point"
+    name, shape    "disc", "ellipse", "box", "rod", "capsule", "point" in the plane; "sphere", "box", "capsule", "ellipsoid", "point"
                    or "link" (of any shapes) in space
     mass, inertia  inertia about the centre of mass; in space three rows in the axes of the body, or one number for all axes
-    radius         of discs, spheres and capsules, else 0
-    size           width and height of a box, length of a rod or between the ends of a capsule, and 0; in space that of `Shape`
+    radius         of discs, spheres and capsules, and of the corners of a box, else 0
+    size           width and height of a box, semi-axes of an ellipse, length of a rod or between the ends of a capsule, and 0; in
+                   space that of `Shape`
     shapes         the shapes of a body in space
     """
 
@@ -173,7 +183,10 @@ class Body:
             return [_Spot(f"{n} {s.name}".strip(), s.at, s.radius, s.squares) for n, s in found]
         if self.shape == "link":
             return []
-        a, b = 0.5 * self.size[0], 0.5 * self.size[1]
+        if self.shape == "ellipse":
+            a, b = self.size
+            return [_Spot("", (0.0, 0.0), 0.0, [[a * a, 0.0], [0.0, b * b]])]
+        a, b = self._half or (0.0, 0.0)
         places = [("", 0.0, 0.0)]
         if self.shape == "box":
             places = [("lower left", -a, -b), ("lower right", a, -b), ("upper right", a, b), ("upper left", -a, b)]
@@ -182,10 +195,11 @@ class Body:
         return [_Spot(name, (x, y), self.radius) for name, x, y in places]
 
     @property
-    def _round(self) -> bool:
-        if self.shapes:
-            return all(s.kind in ("sphere", "point") for s in self.shapes)
-        return self.shape in ("disc", "point", "link")
+    def _half(self) -> tuple[float, float] | None:
+        """Half widths of a box, capsule or rod in the plane without its radius; none of round bodies."""
+        if self.shape == "box":
+            return 0.5 * self.size[0] - self.radius, 0.5 * self.size[1] - self.radius
+        return (0.5 * self.size[0], 0.0) if self.shape in ("rod", "capsule") else None
 
     def __repr__(self) -> str:
         return f"<Body '{self.name}': {self.shape}>"
@@ -249,6 +263,14 @@ class BodyState:
             return [c * a[0] - s * a[1], s * a[0] + c * a[1]]
         return a if self.rotation is None else sp.apply(self.rotation, a)
 
+    def back(self, vector: Any) -> list[Any]:
+        """A vector along the axes of the world in those of the body."""
+        a = list(vector)
+        if self.angle is not None:
+            c, s = numpy.cos(self.angle), numpy.sin(self.angle)
+            return [c * a[0] + s * a[1], c * a[1] - s * a[0]]
+        return a if self.rotation is None else sp.back(self.rotation, a)
+
     def swept(self, arm: Any) -> list[Any]:
         """The velocity that the rotation gives to a point at `arm` from the centre of mass, in the axes of the world."""
         if self.omega is None:
@@ -311,65 +333,6 @@ class _Pair:
     b: Body | Fixed
     mu: Any
     e: Any
-
-
-@dataclass(frozen=True, eq=False)
-class _Touch:
-    """A contact of the scene: a spot of a body with a plane, or with a round spot of another body."""
-
-    name: str
-    a: Body
-    spot: _Spot
-    b: Body | Fixed
-    other: _Spot | None
-    mu: Any
-    e: Any
-
-    def geometry(self, s: States) -> tuple[Any, list[Any], list[Any], list[Any]]:
-        """Gap, normal from the other body to the first, sliding velocities along `tangents`, and the point of contact on
-        the first. The same lines make expressions and numbers, as the states are."""
-        a, spot = s[self.a], self.spot
-        arm = a.turned(spot.at)
-        centre = sp.add(list(a.position), arm)
-        velocity = sp.add(list(a.velocity), a.swept(arm))
-        if isinstance(self.b, Fixed):
-            plane, b = self.b, None if self.b.on is None else s[self.b.on]
-            normal = list(plane.normal) if b is None else b.turned(plane.normal)
-            tangents = [list(t) if b is None else b.turned(t) for t in plane._tangents]
-            out, reach = self._out(a, normal)
-            origin = [0.0] * len(normal) if b is None else list(b.position)
-            gap = sp.dot(normal, sp.subtract(centre, origin)) - reach - _value(plane.offset, s)
-            foot, speed = None, plane.speed
-        else:
-            b, speed = s[self.b], 0.0
-            foot = b.turned(self.other.at)
-            between = sp.subtract(centre, sp.add(list(b.position), foot))
-            distance = numpy.sqrt(sp.dot(between, between))
-            normal = [d / distance for d in between]
-            tangents = [[normal[1], -normal[0]]] if len(normal) == 2 else sp.tangents_of(normal)
-            out, reach = self._out(a, normal)
-            gap = distance - reach - self.other.radius
-            foot = sp.add(foot, sp.scale(self.other.radius, normal))
-        point = sp.add(centre, out)
-        relative = sp.add(velocity, a.swept(out))
-        if b is not None:
-            foot = sp.subtract(point, list(b.position)) if foot is None else foot
-            relative = sp.subtract(relative, sp.add(list(b.velocity), b.swept(foot)))
-        sliding = [sp.dot(t, relative) for t in tangents]
-        if speed:
-            sliding = [v - speed for v in sliding]
-        return gap, normal, sliding, point
-
-    def _out(self, a: BodyState, normal: list[Any]) -> tuple[list[Any], Any]:
-        """The way from the spot to the point of contact, and how far that is against the normal.
-
-        Of an ellipsoid with the matrix S of squared semi-axes it is -S n / sqrt(n . S n), where its outer normal is -n."""
-        if self.spot.squares is None:
-            return sp.scale(-self.spot.radius, normal), self.spot.radius
-        n = normal if a.rotation is None else sp.back(a.rotation, normal)
-        support = sp.apply(self.spot.squares, n)
-        reach = numpy.sqrt(sp.dot(n, support))
-        return a.turned([-c / reach for c in support]), reach
 
 
 def _value(given: Any, s: States) -> Any:

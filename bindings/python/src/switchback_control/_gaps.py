@@ -1,0 +1,272 @@
+"""What a contact of two things of a world measures: gap, normal, sliding velocities and the point of contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy
+
+from . import _spatial as sp
+from .expr import Expr, Graph, _graph_among, signed_distance, solve, table
+from .expr import sqrt as _sqrt
+from .function import Function
+from .shapes import Body, BodyState, Fixed, States, _Pair, _Spot, _value
+
+# Every bodies' touch is one of few: a spot (a corner, an end, a centre with its radius, or an ellipsoid) with a plane, with another round
+# spot or ellipsoid, or with the core of a box or capsule, which is what is left of it without its radius.
+
+
+@dataclass(frozen=True)
+class _Core:
+    """A box of half widths about a place of a body, with a radius around it; some may be zero, as those of a capsule are.
+
+    `side` is the axis and sign of a side: what touches an ellipsoid there is the point of it that is deepest below that side.
+    """
+
+    name: str
+    at: tuple[float, ...]
+    half: tuple[float, ...]
+    radius: float
+    turn: Any = None
+    side: tuple[int, float] | None = None
+
+
+def _measured(squares_of: tuple[bool, bool], n: int) -> tuple[Graph, Any]:
+    """A graph with a way between two bodies and their matrices as inputs, and the gap and normal of these."""
+    g = Graph()
+    x = g.inputs("x", n + n * n * sum(squares_of))
+    matrices: list[Any] = []
+    for there in squares_of:
+        first = n + n * n * sum(m is not None for m in matrices)
+        matrices.append([[x[first + n * i + j] for j in range(n)] for i in range(n)] if there else None)
+    return g, (x, matrices)
+
+
+@lru_cache(maxsize=16)
+def _numbers_of(squares_of: tuple[bool, bool], radii: tuple[float, float], n: int, size: float) -> Function:
+    g, (x, matrices) = _measured(squares_of, n)
+    gap, normal = _of_expressions([x[i] for i in range(n)], matrices, radii, size)
+    return g.function([gap, *normal], nx=x.size, name="gap")
+
+
+def _of_expressions(between: list[Any], matrices: list[Any], radii: tuple[float, float], size: float) -> tuple[Any, list[Any]]:
+    n = len(between)
+
+    def support(d: Any) -> Any:
+        return sum(_sqrt(sp.dot([d[i] for i in range(n)], sp.apply(m, [d[i] for i in range(n)]))) for m in matrices if m is not None)
+
+    # the normal of the ellipsoid with the sum of the matrices, in the direction of the other body: right for bodies of one form
+    total = [[0.0] * n for _ in range(n)]
+    for m in matrices:
+        if m is not None:
+            total = [[sp.plus(i, j) for i, j in zip(a, b)] for a, b in zip(total, m)]
+    around = sum(r * r for m, r in zip(matrices, radii) if m is None)
+    for i in range(n):
+        total[i][i] = sp.plus(total[i][i], around)
+    graph = _graph_among(between) or _graph_among(total)
+    ahead = solve([[graph.of(i) for i in row] for row in total], between)
+    length = _sqrt(ahead @ ahead)
+    gap, normal = signed_distance(between, support, [ahead[i] / length for i in range(n)], size)
+    return gap - sum(radii), [normal[i] for i in range(n)]
+
+
+def _smooth(between: list[Any], matrices: list[Any], radii: tuple[float, float], size: float) -> tuple[Any, list[Any]]:
+    """Gap of ellipsoids with these matrices of squared semi-axes (none: a ball of the radius), and the normal to the first."""
+    if _graph_among(between) is not None:
+        return _of_expressions(between, matrices, radii, size)
+    f = _numbers_of((matrices[0] is not None, matrices[1] is not None), radii, len(between), size)
+    parts = [*between, *(entry for m in matrices if m is not None for row in m for entry in row)]
+    columns = numpy.broadcast_arrays(*[numpy.asarray(c, dtype=float) for c in parts])
+    points = numpy.stack(columns, axis=-1)
+    values = numpy.array([f(x) for x in points.reshape(-1, len(parts))]).reshape(*points.shape[:-1], 1 + len(between))
+    return values[..., 0], [values[..., 1 + i] for i in range(len(between))]
+
+
+def _clamped(a: Any, half: float) -> Any:
+    """The nearest value between minus and plus a half width."""
+    if half == 0.0:
+        return 0.0
+    return table(a, [-half, half], [-half, half], "lines") if isinstance(a, Expr) else numpy.clip(a, -half, half)
+
+
+@dataclass(frozen=True, eq=False)
+class _Touch:
+    """A contact of the scene: a spot of a body with a plane, with a spot of another body, or with its core."""
+
+    name: str
+    a: Body
+    spot: _Spot
+    b: Body | Fixed
+    other: _Spot | _Core | None
+    mu: Any
+    e: Any
+    size: float = field(default=1.0)
+
+    def geometry(self, s: States) -> tuple[Any, list[Any], list[Any], list[Any]]:
+        """Gap, normal from the other body to the first, sliding velocities along `tangents`, and the point of contact on
+        the first. The same lines make expressions and numbers, as the states are."""
+        a, spot = s[self.a], self.spot
+        arm = a.turned(spot.at)
+        centre = sp.add(list(a.position), arm)
+        velocity = sp.add(list(a.velocity), a.swept(arm))
+        if isinstance(self.b, Fixed):
+            gap, normal, tangents, out, b = self._with_plane(s, a, centre)
+            foot, speed = None, self.b.speed
+        else:
+            b, speed = s[self.b], 0.0
+            with_ = self._with_core if isinstance(self.other, _Core) else self._with_spot
+            gap, normal, out, foot = with_(a, b, centre)
+            tangents = [[normal[1], -normal[0]]] if len(normal) == 2 else sp.tangents_of(normal)
+        point = sp.add(centre, out)
+        relative = sp.add(velocity, a.swept(out))
+        if b is not None:
+            foot = sp.subtract(point, list(b.position)) if foot is None else foot
+            relative = sp.subtract(relative, sp.add(list(b.velocity), b.swept(foot)))
+        sliding = [sp.dot(t, relative) for t in tangents]
+        if speed:
+            sliding = [v - speed for v in sliding]
+        return gap, normal, sliding, point
+
+    def _with_plane(self, s: States, a: BodyState, centre: list[Any]) -> tuple[Any, list[Any], list[Any], list[Any], Any]:
+        plane: Any = self.b
+        b = None if plane.on is None else s[plane.on]
+        normal = list(plane.normal) if b is None else b.turned(plane.normal)
+        tangents = [list(t) if b is None else b.turned(t) for t in plane._tangents]
+        out, reach = _out(self.spot, a, sp.scale(-1.0, normal))
+        origin = [0.0] * len(normal) if b is None else list(b.position)
+        gap = sp.dot(normal, sp.subtract(centre, origin)) - reach - _value(plane.offset, s)
+        return gap, normal, tangents, out, b
+
+    def _with_spot(self, a: BodyState, b: BodyState, centre: list[Any]) -> tuple[Any, list[Any], list[Any], list[Any]]:
+        """With a round spot, or an ellipsoid."""
+        other: Any = self.other
+        foot = b.turned(other.at)
+        between = sp.subtract(centre, sp.add(list(b.position), foot))
+        if self.spot.squares is None and other.squares is None:
+            distance = numpy.sqrt(sp.dot(between, between))
+            normal = [d / distance for d in between]
+            gap = distance - self.spot.radius - other.radius
+        else:
+            matrices = [_matrix(self.spot, a), _matrix(other, b)]
+            gap, normal = _smooth(between, matrices, (self.spot.radius, other.radius), self.size)
+        out, _ = _out(self.spot, a, sp.scale(-1.0, normal))
+        return gap, normal, out, sp.add(foot, _out(other, b, normal)[0])
+
+    def _with_core(self, a: BodyState, b: BodyState, centre: list[Any]) -> tuple[Any, list[Any], list[Any], list[Any]]:
+        """With the core of a box or capsule: the distance from its nearest point, which has one continuous derivative."""
+        core: Any = self.other
+        n = len(centre)
+
+        def turned(v: list[Any]) -> list[Any]:
+            return b.turned(v if core.turn is None else sp.apply(core.turn, v))
+
+        def back(v: list[Any]) -> list[Any]:
+            v = b.back(v)
+            return v if core.turn is None else sp.back(core.turn, v)
+
+        middle = b.turned(core.at)
+        out: list[Any] = [0.0] * n
+        radius = self.spot.radius
+        if core.side is not None:
+            axis, sign = core.side
+            out, _ = _out(self.spot, a, turned([-sign if i == axis else 0.0 for i in range(n)]))
+        place = back(sp.subtract(sp.add(centre, out), sp.add(list(b.position), middle)))
+        nearest = [_clamped(c, h) for c, h in zip(place, core.half)]
+        away = sp.subtract(place, nearest)
+        distance = numpy.sqrt(sp.dot(away, away))
+        normal = turned([c / distance for c in away])
+        if core.side is None:
+            out = sp.scale(-radius, normal)
+        foot = sp.add(sp.add(middle, turned(nearest)), sp.scale(core.radius, normal))
+        return distance - radius - core.radius, normal, out, foot
+
+
+def touches_of(pair: _Pair) -> list[_Touch]:
+    """The contacts of two things.
+
+    Two convex bodies of which one is a box or a capsule are nearest at a corner of one of them, or an edge of each: so a corner or an end
+    of each is a contact with the core of the other. Where an ellipse is in it, the corners touch the ellipse, and each side the point of it
+    that is deepest below.
+    """
+    a, b = pair.a, pair.b
+    if isinstance(b, Fixed):
+        return [_Touch(f"{_named(a, spot)}-{b.name}", a, spot, b, None, pair.mu, pair.e) for spot in a._spots]
+    out = []
+    for first, mine in _shapes_of(a):
+        for second, theirs in _shapes_of(b):
+            size = _size(first + second)
+            if not mine and not theirs:
+                out += [(a, s, b, o, size) for s in first for o in second]
+                continue
+            out += [(a, s, b, c, size) for c in theirs for s in first if s.squares is None]
+            out += [(b, s, a, c, size) for c in mine for s in second if s.squares is None]
+            for body, spots, other, cores, corners in ((a, first, b, theirs, second), (b, second, a, mine, first)):
+                bent = [s for s in spots if s.squares is not None]
+                out += [(body, s, other, o, size) for s in bent if cores for o in corners]
+                out += [(body, s, other, side, size) for s in bent for c in cores for side in _sides(c)]
+    return [_Touch(f"{_named(x, s)}-{_named(y, o)}", x, s, y, o, pair.mu, pair.e, n) for x, s, y, o, n in out]
+
+
+def _named(body: Body, part: _Spot | _Core) -> str:
+    return f"{body.name} {part.name}".strip()
+
+
+def _shapes_of(body: Body) -> list[tuple[list[_Spot], list[_Core]]]:
+    """Spots of every shape of a body, and its core if it has one."""
+    if not body.shapes:
+        half = body._half
+        return [(body._spots, [] if half is None else [_Core("side", (0.0, 0.0), half, body.radius)])]
+    out, begin = [], 0
+    for n, shape in enumerate(body.shapes, 1):
+        spots = body._spots[begin : begin + len(shape._spots)]
+        begin += len(spots)
+        name = "side" if len(body.shapes) == 1 else f"{n} side"
+        core = shape._half and _Core(name, tuple(shape.at), shape._half, shape.radius, _turn_of(shape))
+        out.append((spots, [core] if core else []))
+    return out
+
+
+def _turn_of(shape: Any) -> Any:
+    turn = sp.constants(shape.turn)
+    return None if turn == sp.EYE else turn
+
+
+def _sides(core: _Core) -> list[_Core]:
+    words = (("left", "right"), ("lower", "upper")) if len(core.half) == 2 else ()
+    return [
+        _Core(f"{word} {core.name}", core.at, core.half, core.radius, core.turn, (axis, sign))
+        for axis, pair in enumerate(words)
+        for word, sign in zip(pair, (-1.0, 1.0))
+        if any(h > 0.0 for i, h in enumerate(core.half) if i != axis)
+    ]
+
+
+def _size(spots: list[_Spot]) -> float:
+    """A length of the order of shapes that are no points."""
+    return max((float(numpy.sqrt(numpy.max(s.squares))) if s.squares is not None else s.radius for s in spots), default=0.0) or 1.0
+
+
+def _matrix(spot: _Spot, body: BodyState) -> Any:
+    """The matrix of an ellipsoid in the axes of the world; none of a ball."""
+    if spot.squares is None:
+        return None
+    n = len(spot.squares)
+    columns = [body.turned([spot.squares[i][j] for i in range(n)]) for j in range(n)]
+    # R S Rᵀ, as (R (R S)ᵀ)ᵀ, which is symmetric
+    rows = [body.turned([columns[j][i] for j in range(n)]) for i in range(n)]
+    return [[rows[min(i, j)][max(i, j)] for j in range(n)] for i in range(n)]
+
+
+def _out(spot: _Spot, body: BodyState, direction: list[Any]) -> tuple[list[Any], Any]:
+    """The way from the spot to the farthest point in the direction of a unit vector, and how far that is along it.
+
+    Of an ellipsoid with the matrix S of squared semi-axes it is S d / sqrt(d . S d)."""
+    if spot.squares is None:
+        return sp.scale(spot.radius, direction), spot.radius
+    d = body.back(direction)
+    support = sp.apply(spot.squares, d)
+    reach = numpy.sqrt(sp.dot(d, support))
+    return body.turned([c / reach for c in support]), reach
+

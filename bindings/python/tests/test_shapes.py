@@ -1,0 +1,295 @@
+"""Bodies of convex shapes that touch each other, and inner problems in expressions: against closed forms, SciPy and conservation."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize
+
+import switchback_control as swb
+from switchback_control import _gaps
+from switchback_control.expr import Graph, implicit, inner_minimum, norm, signed_distance, sqrt
+
+TIGHT = {"rtol": 1e-10, "atol": 1e-11}
+
+
+def turned(angle):
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def momentum_and_energy(world, run, t):
+    ways = [(b, world.trajectory(run, b, np.array(t))) for b in world.bodies]
+    p = [sum(b.mass * v for b, v in zip(world.bodies, (getattr(w, c) for _, w in ways))) for c in ("vx", "vy")]
+    turning = sum(b.mass * (w.x * w.vy - w.y * w.vx) + b.inertia * w.omega for b, w in ways)
+    energy = sum(0.5 * b.mass * (w.vx**2 + w.vy**2) + 0.5 * b.inertia * w.omega**2 for b, w in ways)
+    return np.array([*p, turning, energy])
+
+
+# --- inner problems -------------------------------------------------------------------------------------
+
+
+def test_an_inverse_function_and_a_least_value():
+    g = Graph()
+    x = g.inputs("x", 2)
+    w = implicit(lambda w: w**3 + w - x[0], start=x[0])
+    least, at = inner_minimum(lambda w: 0.25 * w**4 - x[1] * w, start=1.0, graph=g)
+    f = g.function([w**3 + w, least, at], nx=2)
+    for a, b in ((0.3, 2.0), (-4.0, 0.1), (1e3, 7.0)):
+        assert f([a, b]) == pytest.approx([a, -0.75 * b ** (4 / 3), b ** (1 / 3)], rel=1e-12)
+        jacobian = np.array([[1.0, 0.0], [0.0, -(b ** (1 / 3))], [0.0, b ** (-2 / 3) / 3]])
+        assert np.asarray(f.jacobian([a, b]))[:, :2] == pytest.approx(jacobian, rel=1e-10)
+    model = swb.Model(states="x")
+    model.derivatives = [-implicit(lambda w: w**5 + w - model.x[0], start=0.0, graph=model.graph)]
+    # x = w^5 + w, so (5 w^4 + 1) w' = -w: t = 5/4 (w0^4 - w^4) + log(w0/w)
+    run = swb.simulate(model, [2.0], 1.0, **TIGHT)
+    end = brentq(lambda w: 1.25 * (1.0 - w**4) - np.log(w) - 1.0, 1e-3, 1.0)
+    assert run.x[-1] == pytest.approx([end**5 + end], abs=1e-9)
+    again = swb.Model.from_json(model.to_json())
+    assert swb.simulate(again, [2.0], 1.0, **TIGHT).x[-1] == pytest.approx(run.x[-1], abs=1e-14)
+
+
+def test_inner_problems_that_are_none():
+    g = Graph()
+    x = g.inputs("x", 2)
+    for call, error, words in (
+        (lambda: implicit(lambda w: w - x[0], start=0.0), swb.ArgumentError, "graph=model.graph"),
+        (lambda: implicit(lambda w: [w[0]], start=[x[0], x[1]]), swb.DimensionError, "1 equations for 2 unknowns"),
+        (lambda: implicit(lambda w: np.sign(w - x[0]), start=x[0]), swb.UnsupportedError, "does not switch"),
+        (lambda: implicit(lambda w: x[0], start=x[0]), swb.RangeError, "does not occur"),
+        (lambda: inner_minimum(lambda w: [w, w], start=x[0]), swb.DimensionError, "one expression"),
+        (lambda: signed_distance([x[0], x[1]], norm, start=[1.0]), swb.DimensionError, "the way between"),
+        (lambda: signed_distance([x[0], x[1]], norm, size=0.0), swb.RangeError, "must be positive"),
+    ):
+        with pytest.raises(error, match=words):
+            call()
+    # a root that is not there is no value
+    f = g.function([implicit(lambda w: w**2 + x[0], start=1.0, graph=g)], nx=2)
+    assert f([-4.0, 0.0]) == pytest.approx([2.0], rel=1e-14)
+    with pytest.raises(swb.SwitchbackError):
+        f([4.0, 0.0])
+
+
+# --- gaps -----------------------------------------------------------------------------------------------
+
+
+def apart(c, a, b):
+    """Distance of two ellipsoids, by SciPy: least distance of points z of unit balls, a z and c + b z."""
+    n = len(c)
+    inside = [{"type": "ineq", "fun": lambda z, k=k: 1.0 - z[k : k + n] @ z[k : k + n]} for k in (0, n)]
+    best = min(
+        (
+            minimize(lambda z: np.sum((c + a @ z[:n] - b @ z[n:]) ** 2), start, constraints=inside, method="SLSQP", options={"ftol": 1e-15, "maxiter": 500})
+            for start in (np.zeros(2 * n), np.concatenate([-c, c]) / np.linalg.norm(c))
+        ),
+        key=lambda r: r.fun,
+    )
+    return np.sqrt(best.fun)
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_the_gap_of_ellipsoids_is_their_distance(n):
+    r = np.random.default_rng(53)
+    f = _gaps._numbers_of((True, True), (0.0, 0.0), n, 1.0)
+    seen = 0
+    for _ in range(40):
+        a, b = (np.linalg.qr(r.normal(size=(n, n)))[0] * r.uniform(0.2, 2.0, n) for _ in range(2))
+        c = r.normal(size=n) * r.uniform(1.0, 5.0)
+        found = f(np.concatenate([c, (a @ a.T).ravel(), (b @ b.T).ravel()]))
+        if found[0] < 0.01:
+            # the normal is a direction in which the bodies overlap that much, and no direction near it has less overlap
+            d = found[1:]
+            assert found[0] == pytest.approx(d @ c - np.linalg.norm(a.T @ d) - np.linalg.norm(b.T @ d), abs=1e-12)
+            continue
+        seen += 1
+        assert found[0] == pytest.approx(apart(c, a, b), abs=2e-6)
+    assert seen > 15
+
+
+def test_derivatives_of_gaps_are_those_of_differences():
+    g = Graph()
+    q = g.inputs("x", 6)
+    gap, normal = signed_distance(
+        [q[0] - q[3], q[1] - q[4]],
+        lambda d: sqrt((np.cos(q[2]) * d[0] + np.sin(q[2]) * d[1]) ** 2 + 0.09 * (np.cos(q[2]) * d[1] - np.sin(q[2]) * d[0]) ** 2)
+        + sqrt(0.25 * (np.cos(q[5]) * d[0] + np.sin(q[5]) * d[1]) ** 2 + 0.64 * (np.cos(q[5]) * d[1] - np.sin(q[5]) * d[0]) ** 2),
+    )
+    f = g.function([gap, normal[0]], nx=6)
+    r = np.random.default_rng(7)
+    for reach in (3.0, 1.2, 1.05):
+        at = np.concatenate([reach * np.array([0.8, 0.4]), r.normal(size=1), [0.0, 0.0], r.normal(size=1)])
+        exact, h = np.asarray(f.jacobian(at))[:, :6], 1e-5
+        differences = np.array([(f(at + h * e) - f(at - h * e)) / (2 * h) for e in np.eye(6)]).T
+        assert exact == pytest.approx(differences, abs=1e-7)
+        assert np.hypot(*exact[0, :2]) == pytest.approx(1.0, abs=1e-13)  # the gradient of a distance is a unit vector
+        hessian = np.asarray(f.hessian(at, weights=[1.0, 0.0]))[:6, :6]
+        slopes = np.array([(np.asarray(f.jacobian(at + h * e))[0, :6] - np.asarray(f.jacobian(at - h * e))[0, :6]) / (2 * h) for e in np.eye(6)])
+        assert hessian == pytest.approx(slopes, abs=1e-7)
+
+
+def corners_of(x, y, angle, w, h):
+    return np.array([x, y]) + np.array([[-w, -h], [w, -h], [w, h], [-w, h]]) / 2 @ turned(angle).T
+
+
+def test_gaps_of_rounded_boxes_are_the_distance_of_their_cores():
+    w = swb.World()
+    a, b = w.box(1.0, 0.6, mass=1.0, rounding=0.1, name="a"), w.box(0.8, 0.9, mass=1.0, rounding=0.05, name="b")
+    touches = [t for p in w._stated() for t in _gaps.touches_of(p)]
+    assert len(touches) == 8
+    r = np.random.default_rng(3)
+    for _ in range(30):
+        q = np.array([*r.normal(size=2), r.normal(), *(3 * r.normal(size=2)), r.normal()])
+        x = np.concatenate([q, np.zeros(6)])
+        least = min(float(t.geometry(w.scene._layout.read(x, None, None, 0.0))[0]) for t in touches)
+        p1, p2 = corners_of(*q[:3], 0.8, 0.4), corners_of(*q[3:], 0.7, 0.8)
+        simplex = [{"type": "eq", "fun": lambda z: z[:4].sum() - 1}, {"type": "eq", "fun": lambda z: z[4:].sum() - 1}]
+        found = minimize(
+            lambda z: np.sum((z[:4] @ p1 - z[4:] @ p2) ** 2), np.full(8, 0.25), bounds=[(0, 1)] * 8, constraints=simplex, options={"ftol": 1e-15, "maxiter": 500}
+        )
+        if found.fun > 1e-4:
+            assert least == pytest.approx(np.sqrt(found.fun) - 0.15, abs=1e-5)
+
+
+# --- motions --------------------------------------------------------------------------------------------
+
+
+def test_round_ellipses_are_discs():
+    runs = []
+    for shape in ("disc", "ellipse"):
+        w = swb.World(gravity=1.0, e=0.7, mu=0.3)
+        w.floor(0.0)
+        make = {"disc": lambda r, **k: w.disc(r, turns=True, **k), "ellipse": lambda r, **k: w.ellipse(r, r, **k)}[shape]
+        a, b = make(0.5, mass=1.0, name="a"), make(0.3, mass=2.0, name="b")
+        w.place(a, y=1.0, omega=2.0)
+        w.place(b, x=0.2, y=2.5, vx=0.1)
+        run = w.simulate(2.5, **TIGHT)
+        runs.append((run, [w.trajectory(run, n, np.linspace(0, 2.5, 40)) for n in "ab"]))
+    assert len(runs[0][0].impacts) == len(runs[1][0].impacts) > 2
+    for one, other in zip(runs[0][1], runs[1][1]):
+        for c in ("x", "y", "angle", "vx"):
+            assert getattr(one, c) == pytest.approx(getattr(other, c), abs=1e-6)
+
+
+def test_elastic_ellipses_keep_momentum_and_energy():
+    w = swb.World(gravity=0.0, e=1.0)
+    r = np.random.default_rng(11)
+    for k in range(4):
+        b = w.ellipse(*r.uniform(0.2, 0.6, 2), mass=r.uniform(0.5, 2.0))
+        w.place(b, x=2.0 * np.cos(k * np.pi / 2), y=2.0 * np.sin(k * np.pi / 2), angle=r.normal(), omega=r.normal(), vx=-np.cos(k * np.pi / 2), vy=-np.sin(k * np.pi / 2) + 0.1 * k)
+    run = w.simulate(5.0, **TIGHT)
+    assert len(run.impacts) >= 3
+    all = momentum_and_energy(w, run, np.linspace(0, 5, 60))
+    assert np.abs(all - all[:, :1]).max() < 1e-9
+
+
+def test_an_ellipse_bounces_on_a_fixed_one_as_by_hand():
+    """A light ellipse falls on a heavy one that nothing moves: flight in closed form, the impact by the gap of SciPy."""
+    heavy = 1e9
+    w = swb.World(gravity=[0.0, 0.0], e=0.8)
+    top, low = w.ellipse(0.5, 0.2, mass=1.0, name="top"), w.ellipse(1.5, 0.7, mass=heavy, name="low")
+    w.place(top, x=0.4, y=3.0, angle=0.4, vy=-2.0, omega=1.0)
+    w.place(low)
+    run = w.simulate(2.0, **TIGHT)
+    hit = run.impacts[0]
+
+    def gap(t):
+        a = turned(0.4 + t) * [0.5, 0.2]
+        return apart(np.array([0.4, 3.0 - 2.0 * t]), a, np.diag([1.5, 0.7]))
+
+    t = brentq(lambda t: gap(t) - 0.05, 0.5, hit.t - 1e-3)
+    a = turned(0.4 + t) * [0.5, 0.2]
+    f = _gaps._numbers_of((True, True), (0.0, 0.0), 2, 1.0)
+    assert f(np.concatenate([[0.4, 3.0 - 2.0 * t], (a @ a.T).ravel(), [2.25, 0, 0, 0.49]]))[0] == pytest.approx(0.05, abs=1e-6)
+    # the impact: impulse along the normal at the point of contact
+    a = turned(0.4 + hit.t) * [0.5, 0.2]
+    c = np.array([0.4, 3.0 - 2.0 * hit.t])
+    found = f(np.concatenate([c, (a @ a.T).ravel(), [2.25, 0, 0, 0.49]]))
+    assert found[0] == pytest.approx(0.0, abs=1e-9)
+    n = found[1:]
+    arm = -a @ a.T @ n / np.linalg.norm(a.T @ n)
+    lever = arm[0] * n[1] - arm[1] * n[0]
+    rate = n @ [0.0, -2.0] + lever
+    impulse = -1.8 * rate / (1.0 + lever**2 / top.inertia)
+    assert hit.normal == pytest.approx(impulse, rel=1e-7)
+    way = w.trajectory(run, top, [1.9])
+    assert [way.vx[0], way.vy[0], way.omega[0]] == pytest.approx([impulse * n[0], -2.0 + impulse * n[1], 1.0 + lever * impulse / top.inertia], abs=1e-7)
+
+
+@pytest.mark.parametrize("shape", ["ellipse", "box", "capsule"])
+def test_dropped_bodies_come_to_rest_on_each_other(shape):
+    w = swb.World(mu=0.5, e=0.1)
+    w.floor(), w.wall(-0.9), w.wall(0.9, free="left")
+    make = {
+        "ellipse": lambda: w.ellipse(0.5, 0.3, mass=1.0),
+        "box": lambda: w.box(0.8, 0.5, mass=1.0, rounding=0.05),
+        "capsule": lambda: w.capsule(0.6, 0.2, mass=1.0),
+    }[shape]
+    bodies = [make() for _ in range(3)]
+    for k, b in enumerate(bodies):
+        w.place(b, x=0.15 * (-1) ** k, y=0.7 + 1.0 * k, angle=0.3 * k)
+    run = w.simulate(8.0)
+    touches = w.scene._layout.touches
+    s = w._states(run, np.linspace(0.0, 8.0, 200))
+    assert min(np.min(t.geometry(s)[0]) for t in touches) > -1e-5
+    for b in bodies:
+        way = w.trajectory(run, b, [8.0])
+        assert max(abs(way.vx[0]), abs(way.vy[0]), abs(way.omega[0])) < 0.02
+
+
+def test_a_disc_rolls_round_the_corner_of_a_box():
+    """A disc on a fixed box without friction: over the edge its centre goes along an arc, until it leaves as in the textbook."""
+    r, rounding, v0 = 0.2, 0.1, 0.3
+    w = swb.World()
+    box, ball = w.box(2.0, 1.0, mass=1e9, rounding=rounding, name="box"), w.disc(r, mass=1.0, name="ball")
+    floor = w.plane([0.0, 1.0], -0.5)
+    w.place(box), w.place(ball, x=0.45, y=0.5 + r, vx=v0)
+    w.contacts((box, floor), (ball, box))
+    run = w.simulate(2.0, **TIGHT)
+    # leaves where m g cos a = m v^2 / R with v^2 = v0^2 + 2 g R (1 - cos a)
+    arc = r + rounding
+    cosine = (v0**2 / (9.81 * arc) + 2.0) / 3.0
+    way = w.trajectory(run, ball, [1.0, 1.9, 2.0])
+    assert way.vx[0] == pytest.approx(v0, abs=1e-12) and way.y[0] == pytest.approx(0.5 + r, abs=1e-12)
+    assert way.vx[1:] == pytest.approx(np.sqrt(9.81 * arc * cosine) * cosine, rel=1e-7)
+
+
+def test_ellipsoids_in_space_keep_momentum_and_energy():
+    w = swb.World(space=True, gravity=0.0, e=1.0)
+    a, b = w.ellipsoid(0.5, 0.3, 0.2, mass=1.0, name="a"), w.ellipsoid(0.4, 0.4, 0.7, mass=2.0, name="b")
+    ball = w.sphere(0.3, mass=0.5, name="ball")
+    w.place(a, x=-1.5, vx=1.0, omega=[0.3, 1.0, -0.4], turn=[0.2, 0.5, 0.1])
+    w.place(b, x=1.0, y=0.2, vx=-0.5, turn=[0.4, -0.3, 0.1])
+    w.place(ball, x=3.0, vx=-2.0)
+    run = w.simulate(3.0, **TIGHT)
+    assert len(run.impacts) >= 2
+    t = np.linspace(0, 3, 50)
+    ways = [w.trajectory(run, x, t) for x in (a, b, ball)]
+    p = sum(x.mass * np.array([y.vx, y.vy, y.vz]) for x, y in zip((a, b, ball), ways))
+    assert np.abs(p - p[:, :1]).max() < 1e-9
+    energy = sum(0.5 * x.mass * (y.vx**2 + y.vy**2 + y.vz**2) for x, y in zip((a, b, ball), ways))
+    for x, y in zip((a, b), ways):
+        s = w._states(run, t)[x]
+        own = np.stack([np.broadcast_to(c, t.shape) for c in s.back(list(y.omega.T))])
+        energy = energy + 0.5 * np.einsum("it,ij,jt->t", own, np.asarray(x.inertia), own)
+    assert np.abs(energy - energy[0]).max() < 1e-8
+
+
+def test_shapes_without_a_distance_are_refused():
+    w = swb.World()
+    box, other, rounded = w.box(1, 1, mass=1.0), w.box(1, 1, mass=1.0), w.box(1, 1, mass=1.0, rounding=0.1)
+    ellipse, point = w.ellipse(1.0, 0.5, mass=1.0), w.point(1.0)
+    with pytest.raises(swb.UnsupportedError, match="rounding"):
+        w.contacts((box, other))
+    with pytest.raises(swb.UnsupportedError, match="rounding"):
+        w.contacts((box, point))
+    with pytest.raises(swb.UnsupportedError, match="rounding"):
+        w.contacts((box, ellipse))
+    w.contacts((box, rounded), (rounded, ellipse), (ellipse, point))
+    for rounding in (-0.1, 0.5, np.nan):
+        with pytest.raises(swb.RangeError, match="rounding"):
+            w.box(1, 1, mass=1.0, rounding=rounding)
+    with pytest.raises(swb.RangeError):
+        w.ellipse(1.0, -0.5, mass=1.0)
+    space = swb.World(space=True)
+    with pytest.raises(swb.UnsupportedError, match="ellipse"):
+        space.ellipse(1.0, 0.5, mass=1.0)
+    a, b = (space.box(1, 1, mass=1.0, depth=1, rounding=0.1) for _ in range(2))
+    with pytest.raises(swb.UnsupportedError, match="in space"):
+        space.contacts((a, space.ellipsoid(1, 1, 2, mass=1.0)))
