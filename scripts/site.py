@@ -69,6 +69,7 @@ NAVIGATION = """
           - A leg that hops: howto/leg.md
           - An arm that touches: howto/arm.md
           - Bodies in space: howto/space.md
+          - Bodies that touch each other: howto/shapes.md
   - Reference:
       - Solutions of optimal control: ocp_results.md
       - Options: options.md

@@ -17,6 +17,8 @@ from .shapes import Body, BodyState, Fixed, States, _Pair, _Spot, _value
 # Every bodies' touch is one of few: a spot (a corner, an end, a centre with its radius, or an ellipsoid) with a plane, with another round
 # spot or ellipsoid, or with the core of a box or capsule, which is what is left of it without its radius.
 
+_LEAST = 1e-300  # nothing next to the square of any length
+
 
 @dataclass(frozen=True)
 class _Core:
@@ -175,7 +177,8 @@ class _Touch:
         place = back(sp.subtract(sp.add(centre, out), sp.add(list(b.position), middle)))
         nearest = [_clamped(c, h) for c, h in zip(place, core.half)]
         away = sp.subtract(place, nearest)
-        distance = numpy.sqrt(sp.dot(away, away))
+        # the least number keeps derivatives finite inside of the core, where the bodies overlap and are refused
+        distance = numpy.sqrt(sp.dot(away, away) + _LEAST)
         normal = turned([c / distance for c in away])
         if core.side is None:
             out = sp.scale(-radius, normal)

@@ -179,14 +179,14 @@ def _drawn(
 
 def _outline(body: Body) -> Array:
     """The outline of a body about its centre, at angle 0."""
-    if body.shape in ("box", "rod"):
+    if body._half is not None and body.radius == 0.0:
         return numpy.array([s.at for s in body._spots])
-    if body.shape == "capsule":
-        a = numpy.linspace(-0.5 * math.pi, 0.5 * math.pi, 25)
-        end = body.radius * numpy.column_stack([numpy.cos(a), numpy.sin(a)]) + [0.5 * body.size[0], 0.0]
-        return numpy.vstack([end, -end])
-    a = numpy.linspace(0.0, 2.0 * math.pi, 49)[:-1]
-    return body.radius * numpy.column_stack([numpy.cos(a), numpy.sin(a)])
+    # between the directions of the axes, so that every point belongs to one corner
+    a = numpy.linspace(0.0, 2.0 * math.pi, 49)[:-1] + 1e-6
+    circle = numpy.column_stack([numpy.cos(a), numpy.sin(a)])
+    if body.shape == "ellipse":
+        return circle * body.size
+    return body.radius * circle + numpy.sign(circle) * (body._half or (0.0, 0.0))
 
 
 def _placed(outline: Array, way: Motion) -> Array:
