@@ -28,6 +28,9 @@ const MOST_STEPS: usize = 100;
 /// A step that is this small against the unknowns is the last one: its error is the square of it.
 const LAST_STEP: f64 = 1e-9;
 
+/// A step this small against all unknowns on the way that does not shrink any more is rounding: a root near zero has no digits of its own.
+const ROUNDED_STEP: f64 = 1e-12;
+
 /// Share of the decrease that the slope promises which a step must have (Nocedal and Wright, section 3.1).
 const ARMIJO: f64 = 1e-4;
 
@@ -133,14 +136,16 @@ impl Implicit {
     /// Unknowns of an inner problem of that size by Newton's method with a matrix that is made positive: every step descends.
     fn descend(&self, z: &[f64], f: &Tape, w: &mut [f64], a: &mut Arrays) -> EvalResult {
         let n = self.n;
-        let mut last = f64::INFINITY;
+        let (mut last, mut scale) = (f64::INFINITY, 0.0);
         for _ in 0..MOST_STEPS {
             let f0 = value(f, w, z, a.work)?;
             self.residual.run(&point(w, z), &[], a.residual, a.work)?;
             self.jacobian.run(&point(w, z), &[], a.matrix, a.work)?;
             let shifted = positive_step(n, a.matrix, a.residual, a.factor, a.step);
             let size = largest(a.step);
-            if !shifted && (size <= LAST_STEP * largest(w) || (size >= last && size <= LAST_STEP.sqrt() * largest(w))) {
+            scale = largest(w).max(scale);
+            let rounded = size >= 0.5 * last && size <= ROUNDED_STEP * scale;
+            if !shifted && (size <= LAST_STEP * largest(w) || rounded) {
                 w.iter_mut().zip(&*a.step).for_each(|(w, d)| *w += d);
                 return Ok(());
             }
@@ -148,7 +153,7 @@ impl Implicit {
             let slope: f64 = a.step.iter().zip(&*a.residual).map(|(d, g)| d * g).sum();
             let certain = slope.abs() > ROUNDING * f0.abs();
             let good = |t: f64, now: EvalResult, v: f64| now.is_ok() && (!certain || v <= f0 + ARMIJO * t * slope);
-            self.search(z, w, a, |trial, work| value(f, trial, z, work), good)?;
+            search(w, a, |trial, a| value(f, trial, z, a.work), good)?;
         }
         Err(EvalError::Recoverable)
     }
@@ -156,7 +161,7 @@ impl Implicit {
     /// Unknowns of equations by Newton's method with steps that make them smaller.
     fn find(&self, z: &[f64], w: &mut [f64], a: &mut Arrays) -> EvalResult {
         let n = self.n;
-        let mut last = f64::INFINITY;
+        let (mut last, mut scale) = (f64::INFINITY, 0.0);
         for _ in 0..MOST_STEPS {
             self.residual.run(&point(w, z), &[], a.residual, a.work)?;
             self.jacobian.run(&point(w, z), &[], a.matrix, a.work)?;
@@ -167,55 +172,57 @@ impl Implicit {
             a.step.iter_mut().zip(&*a.residual).for_each(|(d, g)| *d = -g);
             linear::solve(n, a.factor, false, a.step);
             let size = largest(a.step);
-            if size <= LAST_STEP * largest(w) || (size >= last && size <= LAST_STEP.sqrt() * largest(w)) {
+            scale = largest(w).max(scale);
+            let rounded = size <= ROUNDED_STEP * scale;
+            if size <= LAST_STEP * largest(w) || (rounded && size >= 0.5 * last) {
                 w.iter_mut().zip(&*a.step).for_each(|(w, d)| *w += d);
                 return Ok(());
             }
             last = size;
             let g0 = norm(a.residual);
-            let good = |t: f64, now: EvalResult, g: f64| now.is_ok() && g <= (1.0 - ARMIJO * t) * g0;
-            let residual = &self.residual;
-            let mut g = std::mem::take(&mut a.residual);
-            let searched = self.search(
-                z,
+            let good = |t: f64, now: EvalResult, g: f64| now.is_ok() && (rounded || g <= (1.0 - ARMIJO * t) * g0);
+            search(
                 w,
                 a,
-                |trial, work| residual.run(&point(trial, z), &[], g, work).map(|()| norm(g)),
+                |trial, a| self.residual.run(&point(trial, z), &[], a.residual, a.work).map(|()| norm(a.residual)),
                 good,
-            );
-            a.residual = std::mem::take(&mut g);
-            searched?;
+            )?;
         }
         Err(EvalError::Recoverable)
     }
+}
 
-    /// Goes along the step, as far as it is good.
-    fn search(
-        &self,
-        _z: &[f64],
-        w: &mut [f64],
-        a: &mut Arrays,
-        mut merit: impl FnMut(&[f64], &mut [f64]) -> std::result::Result<f64, EvalError>,
-        good: impl Fn(f64, EvalResult, f64) -> bool,
-    ) -> EvalResult {
-        let mut t = 1.0;
-        for _ in 0..MOST_HALVINGS {
-            for ((v, w), d) in a.trial.iter_mut().zip(&*w).zip(&*a.step) {
-                *v = w + t * d;
-            }
-            let (result, v) = match merit(a.trial, a.work) {
-                Ok(v) => (Ok(()), v),
-                Err(EvalError::Recoverable) => (Err(EvalError::Recoverable), f64::INFINITY),
-                Err(e) => return Err(e),
-            };
-            if good(t, result, v) {
-                w.copy_from_slice(a.trial);
-                return Ok(());
-            }
-            t *= 0.5;
+/// Goes along the step, as far as it is good.
+fn search(
+    w: &mut [f64],
+    a: &mut Arrays,
+    mut merit: impl FnMut(&[f64], &mut Arrays) -> std::result::Result<f64, EvalError>,
+    good: impl Fn(f64, EvalResult, f64) -> bool,
+) -> EvalResult {
+    let mut t = 1.0;
+    let trial = std::mem::take(&mut a.trial);
+    let mut found = Err(EvalError::Recoverable);
+    for _ in 0..MOST_HALVINGS {
+        for ((v, w), d) in trial.iter_mut().zip(&*w).zip(&*a.step) {
+            *v = w + t * d;
         }
-        Err(EvalError::Recoverable)
+        let (result, v) = match merit(trial, a) {
+            Ok(v) => (Ok(()), v),
+            Err(EvalError::Recoverable) => (Err(EvalError::Recoverable), f64::INFINITY),
+            Err(e) => {
+                found = Err(e);
+                break;
+            }
+        };
+        if good(t, result, v) {
+            w.copy_from_slice(trial);
+            found = Ok(());
+            break;
+        }
+        t *= 0.5;
     }
+    a.trial = trial;
+    found
 }
 
 /// Memory of one solution.
@@ -276,7 +283,7 @@ fn positive_step(n: usize, h: &[f64], g: &[f64], factor: &mut [f64], step: &mut 
 fn cholesky(n: usize, a: &mut [f64], size: f64) -> bool {
     for k in 0..n {
         let pivot = a[k + n * k] - (0..k).map(|j| a[k + n * j] * a[k + n * j]).sum::<f64>();
-        if !(pivot > f64::EPSILON * size) {
+        if pivot.is_nan() || pivot <= f64::EPSILON * size {
             return false;
         }
         a[k + n * k] = pivot.sqrt();
@@ -758,9 +765,24 @@ mod tests {
         // an unknown is nothing by itself
         let dims = Dims { x: 1, u: 0, p: 0 };
         assert!(matches!(ExprFunction::new("f", &mut d, dims, &w), Err(Error::Range(_))));
+        // a root that is zero but for rounding
+        let sine = d.unary(Unary::Sin, x);
+        let one = d.constant(1.0);
+        let at_zero = {
+            let cube = d.powi(w[0], 3);
+            let sum = d.add(w[0], cube);
+            let equation = d.sub(sum, sine);
+            let root = d.implicit(&[equation], &w, &[one]).unwrap();
+            ExprFunction::new("f", &mut d, dims, &root).unwrap()
+        };
+        for k in 0..20 {
+            let (mut v, mut work) = ([1.0], vec![0.0; at_zero.work_len()]);
+            let x = [std::f64::consts::PI * f64::from(k)];
+            at_zero.value(&Point { t: 0.0, x: &x, u: &[], p: &[] }, &mut v, &mut work).unwrap();
+            assert!((v[0] - x[0].sin()).abs() < 1e-20 + 1e-9 * x[0].sin().abs(), "{v:?} {x:?}");
+        }
         // no root: no value
         let square = d.powi(w[0], 2);
-        let one = d.constant(1.0);
         let equation = d.add(square, one);
         let equation = d.add(equation, x);
         let root = d.implicit(&[equation], &w, &[x]).unwrap();
