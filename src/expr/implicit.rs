@@ -34,7 +34,7 @@ const ROUNDED_STEP: f64 = 1e-12;
 /// Share of the decrease that the slope promises which a step must have (Nocedal and Wright, section 3.1).
 const ARMIJO: f64 = 1e-4;
 
-/// A promised change of this share of the merit is within its rounding: it does not say whether a step is good.
+/// A promised change of this share of the terms of the merit is within its rounding: it does not say whether a step is good.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Halvings of a step at most, to below the digits of a number.
@@ -61,6 +61,8 @@ pub(super) struct Implicit {
     start: Tape,
     /// What is least, and the value there.
     least: Option<(Tape, Tape)>,
+    /// Is the value the largest over unit vectors, as a signed distance is?
+    largest: bool,
     jac_pattern: Pattern,
     hess_pattern: Pattern,
     own: Templates,
@@ -103,6 +105,7 @@ impl Implicit {
         let matrix = dag.dense_jacobian(&equations, &w)?;
         let arguments = dag.jacobian(&equations, &z)?.into_iter().map(|e| (e.row, e.col, e.value)).collect();
         let tape = |dag: &Dag, outputs: &[Id]| Tape::new(dag, dims, 0, outputs);
+        let (own_cost, own_value) = (own[0], own[own.len().min(2) - 1]);
         let (mut value, mut programs) = (Vec::new(), None);
         if least {
             value = dag.jacobian(&own[1..2], &z)?.into_iter().map(|e| (e.col, e.value)).collect();
@@ -116,6 +119,8 @@ impl Implicit {
             residual: tape(&dag, &equations)?,
             jacobian: tape(&dag, &matrix)?,
             start: tape(&dag, start)?,
+            // the cost of a signed distance is not its value
+            largest: least && own_cost != own_value,
             least: programs,
             jac_pattern: Pattern::dense(n_out, m + 1),
             hess_pattern: Pattern::empty(m + 1, m + 1),
@@ -131,6 +136,33 @@ impl Implicit {
     /// It as data, where it calls no function of the user.
     pub(super) fn saved(&self) -> Option<&SavedImplicit> {
         self.saved.as_ref()
+    }
+
+    /// Bounds of a signed distance where its arguments are in intervals, `z[2 i]` to `z[2 i + 1]`.
+    ///
+    /// A largest value is no less than the value at any place, and so than that at the place of the middle. Where this is positive the bodies
+    /// are apart, and the only maximum is found.
+    pub(super) fn value_bounds(&self, z: &[f64], work: &mut [f64]) -> Option<[f64; 2]> {
+        let (n, m) = (self.n, self.dims.x);
+        let (_, value) = self.least.as_ref().filter(|_| self.largest)?;
+        let (low, work) = work.split_at_mut(m);
+        let (high, work) = work.split_at_mut(m);
+        let (middle, work) = work.split_at_mut(m);
+        let (found, work) = work.split_at_mut(n + 1);
+        for (i, c) in z.chunks_exact(2).take(m).enumerate() {
+            (low[i], high[i], middle[i]) = (c[0], c[1], 0.5 * (c[0] + c[1]));
+        }
+        if !middle.iter().all(|c| c.is_finite()) {
+            return None;
+        }
+        self.value(&Point { t: 0.0, x: middle, u: &[], p: &[] }, found, work).ok()?;
+        let w = &found[1..];
+        let (mut least, mut most) = ([0.0], [0.0]);
+        value.bounds(&point(w, low), &point(w, high), &mut least, &mut most, work);
+        // the direction has length one to rounding
+        let length = norm(w);
+        let least = least[0] / (length * (1.0 + 8.0 * f64::EPSILON));
+        (least > 0.0).then_some([least, f64::INFINITY])
     }
 
     /// Unknowns of an inner problem of that size by Newton's method with a matrix that is made positive: every step descends.
@@ -151,7 +183,8 @@ impl Implicit {
             }
             last = if shifted { f64::INFINITY } else { size };
             let slope: f64 = a.step.iter().zip(&*a.residual).map(|(d, g)| d * g).sum();
-            let certain = slope.abs() > ROUNDING * f0.abs();
+            // terms may cancel: they are as large as the curvature makes them over the unknowns
+            let certain = slope.abs() > ROUNDING * (f0.abs() + largest(a.matrix) * scale * scale);
             let good = |t: f64, now: EvalResult, v: f64| now.is_ok() && (!certain || v <= f0 + ARMIJO * t * slope);
             search(w, a, |trial, a| value(f, trial, z, a.work), good)?;
         }
@@ -319,7 +352,10 @@ impl Function for Implicit {
         let n = self.n;
         let tapes = [&self.residual, &self.jacobian, &self.start].into_iter();
         let tapes = tapes.chain(self.least.iter().flat_map(|(f, v)| [f, v]));
-        5 * n + 2 * n * n + tapes.map(Tape::work_len).max().unwrap_or(0)
+        let point = 5 * n + 2 * n * n + tapes.map(Tape::work_len).max().unwrap_or(0);
+        // bounds need a point, corners of a box, and intervals
+        let bounds = self.least.as_ref().map_or(0, |(_, v)| 2 * v.work_len());
+        point.max(bounds) + 4 * self.dims.x + 2 * n + 4
     }
     fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
         let n = self.n;

@@ -3,8 +3,11 @@
 //! The instructions run on intervals that are rounded outwards, so no value that [`Tape::run`] computes at a point of the
 //! box lies outside, nor any exact one. Where an operation is not defined in the whole box nothing is known of it.
 
+use super::dag::CallKind;
+use super::implicit::Implicit;
 use super::op::Unary;
-use super::tape::{Code, Tape};
+use super::piecewise::Piecewise;
+use super::tape::{Code, Compound, Tape};
 use crate::func::Point;
 
 /// Units in the last place that a value of the mathematical library may be wrong.
@@ -139,6 +142,45 @@ fn unary(op: Unary, a: Range) -> Range {
     }
 }
 
+/// Of a table: of every piece in the interval, by Horner's rule.
+fn table(p: &Piecewise, a: Range) -> Range {
+    let (breaks, n) = (p.breaks(), p.degree() + 1);
+    let (first, last) = (breaks.partition_point(|b| *b <= a[0]), breaks.partition_point(|b| *b <= a[1]));
+    let mut all = [f64::INFINITY, f64::NEG_INFINITY];
+    for (k, c) in p.coefficients().chunks_exact(n).enumerate().take(last + 1).skip(first) {
+        let origin = breaks.get(k.saturating_sub(1)).copied().unwrap_or(0.0);
+        let from = if k == first { a[0] } else { breaks[k - 1] };
+        let to = if k == last { a[1] } else { breaks[k] };
+        // a piece of constant value is known however far it goes
+        let degree = c.iter().rposition(|c| *c != 0.0).unwrap_or(0);
+        let s = out(from - origin, to - origin);
+        let r = c[..degree].iter().rev().fold([c[degree]; 2], |v, c| add(mul(v, s), [*c; 2]));
+        all = [all[0].min(r[0]), all[1].max(r[1])];
+    }
+    if all[0] <= all[1] {
+        all
+    } else {
+        ALL
+    }
+}
+
+impl Compound {
+    /// Bounds of what a block computes; nothing is known of most.
+    fn bounds(&self, dst: usize, l: &mut [f64], h: &mut [f64]) {
+        let Compound::Call { f, what: CallKind::Value, args, scratch, n } = self else { return };
+        let Some(f) = Implicit::of(f) else { return };
+        let (l, work) = l.split_at_mut(*scratch);
+        let (z, work) = work.split_at_mut(2 * args.len());
+        for (a, v) in args.iter().zip(z.chunks_exact_mut(2)) {
+            v.copy_from_slice(&[l[*a as usize], h[*a as usize]]);
+        }
+        let [low, high] = f.value_bounds(z, work).unwrap_or(ALL);
+        if *n > 0 {
+            (l[dst], h[dst]) = (low, high);
+        }
+    }
+}
+
 impl Tape {
     /// Bounds of all results over the points between `low` and `high`, `work[2 work_len]`.
     pub(super) fn bounds(
@@ -181,8 +223,12 @@ impl Tape {
                 Code::Sqrt => unary(Unary::Sqrt, at(i.a)),
                 Code::Unary(op) => unary(op, at(i.a)),
                 Code::PowI => power(at(i.a), i.b as i32),
+                Code::Piecewise if i.b & 15 == 0 => table(&self.piecewise[(i.b >> 4) as usize], at(i.a)),
                 Code::Pow | Code::Atan2 | Code::Piecewise => ALL,
-                Code::Block => continue,
+                Code::Block => {
+                    self.compounds[i.a as usize].bounds(i.dst as usize, l, h);
+                    continue;
+                }
             };
             (l[i.dst as usize], h[i.dst as usize]) = (r[0], r[1]);
         }
