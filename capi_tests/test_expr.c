@@ -163,6 +163,15 @@ static void inner(void)
     CHECK_OK(swb_function_check_derivatives(f, &at, &passed, NULL, NULL, 0, NULL));
     CHECK(passed);
     swb_function_free(f);
+    /* T = x0 x1^2 / 2 and V = 4 x0: the force -4 + x1^2 / 2 - x1^2 */
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &four, x, NULL, &product, 1));
+    CHECK_OK(swb_expr_lagrangian_forces(g, x, 1, product, x, &x[1], out, 1));
+    CHECK_OK(swb_expr_function(g, "force", 2, 0, 0, out, 1, &f));
+    CHECK_OK(swb_function_eval(f, &at, value, 1));
+    CHECK_NEAR(value[0], -8.5, 1e-14);
+    swb_function_free(f);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_expr_lagrangian_forces(g, x, 2, product, x, &x[1], out, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_lagrangian_forces(g, x, 1, product, &product, &x[1], out, 1));
     /* not inner problems */
     CHECK_STATUS(SWB_ERR_RANGE, swb_expr_implicit(g, &product, x, &two, out, 1));
     CHECK_STATUS(SWB_ERR_RANGE, swb_expr_implicit(g, w, w, w, out, 1));

@@ -5134,6 +5134,27 @@ swb_status swb_expr_signed_distance(struct swb_expr *graph,
                                     int64_t n);
 
 /**
+ * Forces of Lagrange's equations that follow from an inertia matrix M and a potential V: with T = v' M v / 2 these are
+ * -dV/dq + dT/dq - d(M v)/dq v - dM/dt v, what stands beside M v' where q' = v. Add to them what else there is.
+ *
+ * @param[in]  inertia   [n_inertia] n times n expressions of coordinates, parameters and time, symmetric
+ * @param[in]  potential expression of the same
+ * @param[in]  q         [n] the coordinates, inputs
+ * @param[in]  v         [n] the velocities, inputs
+ * @param[out] out       [n] the forces
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_UNSUPPORTED for operators that switch
+ */
+SWB_API
+swb_status swb_expr_lagrangian_forces(struct swb_expr *graph,
+                                      const int64_t *inertia,
+                                      int64_t n_inertia,
+                                      int64_t potential,
+                                      const int64_t *q,
+                                      const int64_t *v,
+                                      int64_t *out,
+                                      int64_t n);
+
+/**
  * Values of a table.
  *
  * @param[in]  kind   enum swb_table

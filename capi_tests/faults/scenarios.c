@@ -341,6 +341,7 @@ static void expressions(struct made *m)
     rhs[0] = x[0];
     rhs[1] = x[3];
     DO(swb_expr_solve(m->graph, x, 4, rhs, y, 2));
+    DO(swb_expr_lagrangian_forces(m->graph, x, 1, x[0], x, &x[1], y, 1));
     DO(swb_expr_unknowns(m->graph, w, 1));
     DO(swb_expr_apply(m->graph, SWB_OPERATOR_SUB, w, x, NULL, &equation, 1));
     DO(swb_expr_implicit(m->graph, &equation, w, x, y, 1));

@@ -858,6 +858,7 @@ static void expressions(struct random *r)
     if (DO(swb_expr_inputs, graph, SWB_INPUT_X, 0, x, FRICTION_NX)) {
         DO(swb_expr_matmul, graph, 1, FRICTION_NX, 1, x, FRICTION_NX, x, FRICTION_NX, &product, 1);
         DO(swb_expr_solve, graph, x, 1, x + 1, &product, 1);
+        DO(swb_expr_lagrangian_forces, graph, x, 1, x[0], x, x + 1, &product, 1);
         int64_t w[2], least, found[2];
         if (DO(swb_expr_unknowns, graph, w, 2)) {
             DO(swb_expr_implicit, graph, w, w, x, found, 1);

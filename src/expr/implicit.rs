@@ -786,6 +786,46 @@ mod tests {
     }
 
     #[test]
+    fn bounds_of_gaps_hold_and_are_of_use() {
+        let mut d = Dag::new();
+        let c = d.inputs(Block::X, 2);
+        let w = d.unknowns(2);
+        let four = d.constant(4.0);
+        let squares = [0, 1].map(|i| d.powi(w[i], 2));
+        let wide = d.mul(four, squares[0]);
+        let inside = d.add(wide, squares[1]);
+        let support = d.unary(Unary::Sqrt, inside);
+        let (gap, _) = d.signed_distance(&c, support, &w, &c, 2.0).unwrap();
+        // next to a value of a table of the same input
+        let clamp = crate::expr::Piecewise::lines(&[-1.0, 1.0], &[-1.0, 1.0]).unwrap();
+        let near = d.piecewise(&clamp, c[0]);
+        let f = ExprFunction::new("f", &mut d, Dims { x: 2, u: 0, p: 0 }, &[gap, near]).unwrap();
+        let mut work = vec![0.0; 2 * f.work_len()];
+        for (low, high) in
+            [([3.0, 1.0], [3.5, 1.5]), ([-9.0, -4.0], [-8.0, 4.0]), ([0.2, 3.0], [0.4, 3.1]), ([0.3, 0.4], [0.5, 0.5])]
+        {
+            let (mut least, mut most) = ([0.0; 2], [0.0; 2]);
+            assert!(f.bounds(&point(&low, &[]), &point(&high, &[]), &mut least, &mut most, &mut work));
+            let mut smallest = f64::INFINITY;
+            for i in 0..=10 {
+                for j in 0..=10 {
+                    let x = [
+                        low[0] + (high[0] - low[0]) * f64::from(i) / 10.0,
+                        low[1] + (high[1] - low[1]) * f64::from(j) / 10.0,
+                    ];
+                    let mut v = [0.0; 2];
+                    f.value(&point(&x, &[]), &mut v, &mut work).unwrap();
+                    assert!(least[0] <= v[0] && v[0] <= most[0] && least[1] <= v[1] && v[1] <= most[1], "{x:?}");
+                    smallest = smallest.min(v[0]);
+                }
+            }
+            // far away they are close, and nothing is said of bodies that overlap
+            assert!(smallest < 0.0 || least[0] > 0.5 * smallest, "{least:?} {smallest}");
+            assert!(most[1] - least[1] <= high[0] - low[0] + 1e-12);
+        }
+    }
+
+    #[test]
     fn what_is_no_inner_problem_is_refused() {
         let mut d = Dag::new();
         let x = d.input(Block::X, 0);

@@ -21,6 +21,7 @@ mod held;
 mod implicit;
 mod interval;
 mod kinks;
+mod lagrange;
 mod linear;
 mod op;
 mod operator;

@@ -2236,6 +2236,7 @@ const NAMES = [
     :swb_expr_implicit,
     :swb_expr_inner_minimum,
     :swb_expr_signed_distance,
+    :swb_expr_lagrangian_forces,
     :swb_expr_table,
     :swb_expr_call,
     :swb_expr_jacobian,
@@ -3503,6 +3504,23 @@ swb_expr_signed_distance(graph, between, support, direction, start, size, gap, n
         Ptr{Int64}, Int64), graph, between, support, direction, start, size, gap, normal, n)
 
 """
+    swb_expr_lagrangian_forces(graph, inertia, n_inertia, potential, q, v, out, n) -> swb_status
+
+Forces of Lagrange's equations that follow from an inertia matrix M and a potential V: with T = v' M v / 2 these are
+-dV/dq + dT/dq - d(M v)/dq v - dM/dt v, what stands beside M v' where q' = v. Add to them what else there is.
+
+@param[in]  inertia   [n_inertia] n times n expressions of coordinates, parameters and time, symmetric
+@param[in]  potential expression of the same
+@param[in]  q         [n] the coordinates, inputs
+@param[in]  v         [n] the velocities, inputs
+@param[out] out       [n] the forces
+@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_UNSUPPORTED for operators that switch
+"""
+swb_expr_lagrangian_forces(graph, inertia, n_inertia, potential, q, v, out, n) =
+    ccall(address(73), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64},
+        Int64), graph, inertia, n_inertia, potential, q, v, out, n)
+
+"""
     swb_expr_table(graph, kind, points, n_points, values, n_values, a, out, n) -> swb_status
 
 Values of a table.
@@ -3515,7 +3533,7 @@ Values of a table.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION
 """
 swb_expr_table(graph, kind, points, n_points, values, n_values, a, out, n) =
-    ccall(address(73), swb_status, (Ptr{swb_expr}, Int32, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(74), swb_status, (Ptr{swb_expr}, Int32, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Int64}, Int64), graph, kind, points, n_points, values, n_values, a, out, n)
 
 """
@@ -3528,7 +3546,7 @@ Outputs of a function at expressions. Derivatives are those of the function.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_expr_call(graph, f, args, n_args, out, n_out) =
-    ccall(address(74), swb_status, (Ptr{swb_expr}, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
+    ccall(address(75), swb_status, (Ptr{swb_expr}, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
         f, args, n_args, out, n_out)
 
 """
@@ -3542,7 +3560,7 @@ Jacobian of expressions as expressions, by columns; entries that vanish are the 
 @return SWB_OK; SWB_ERR_RANGE if wrt holds what is no input; SWB_ERR_UNSUPPORTED for operators that switch
 """
 swb_expr_jacobian(graph, outputs, n_outputs, wrt, n_wrt, out, n_out) =
-    ccall(address(75), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
+    ccall(address(76), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
         outputs, n_outputs, wrt, n_wrt, out, n_out)
 
 """
@@ -3555,7 +3573,7 @@ An expression as text, cut where it is long.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_expr_text(graph, expression, buf, len, needed) =
-    ccall(address(76), swb_status, (Ptr{swb_expr}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), graph, expression, buf,
+    ccall(address(77), swb_status, (Ptr{swb_expr}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), graph, expression, buf,
         len, needed)
 
 """
@@ -3571,7 +3589,7 @@ swb_ocp_set_lagrange says; others than the costs of optimal control problems ref
         finite; SWB_ERR_UNSUPPORTED for other operators that switch
 """
 swb_expr_function(graph, name, nx, nu, np, outputs, n_outputs, out) =
-    ccall(address(77), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Int64,
+    ccall(address(78), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_function}}), graph, name, nx, nu, np, outputs, n_outputs, out)
 
 """
@@ -3579,7 +3597,7 @@ swb_expr_function(graph, name, nx, nu, np, outputs, n_outputs, out) =
 
 Free the graph; functions and models made of it stay. NULL is allowed.
 """
-swb_expr_free(graph) = ccall(address(78), Cvoid, (Ptr{swb_expr},), graph)
+swb_expr_free(graph) = ccall(address(79), Cvoid, (Ptr{swb_expr},), graph)
 
 """
     swb_model_create(graph, name, nx, nu, np, rhs, names, trial, out) -> swb_status
@@ -3599,7 +3617,7 @@ may be 2097152 of them.
         as swb_expr_function
 """
 swb_model_create(graph, name, nx, nu, np, rhs, names, trial, out) =
-    ccall(address(79), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Cstring,
+    ccall(address(80), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Cstring,
         Ptr{swb_point}, Ptr{Ptr{swb_model}}), graph, name, nx, nu, np, rhs, names, trial, out)
 
 """
@@ -3610,7 +3628,7 @@ The system of a model.
 @param[out] out the new object, NULL on failure; free with swb_system_free
 @return SWB_OK; SWB_ERR_NULL
 """
-swb_model_system(model, out) = ccall(address(80), swb_status, (Ptr{swb_model}, Ptr{Ptr{swb_system}}), model, out)
+swb_model_system(model, out) = ccall(address(81), swb_status, (Ptr{swb_model}, Ptr{Ptr{swb_system}}), model, out)
 
 """
     swb_model_counts(model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs) -> swb_status
@@ -3625,7 +3643,7 @@ Sizes of the parts of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_counts(model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs) =
-    ccall(address(81), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}),
+    ccall(address(82), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}),
         model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs)
 
 """
@@ -3640,7 +3658,7 @@ was dropped or merged and why, and what looks wrong.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_model_report(model, json, buf, len, needed) =
-    ccall(address(82), swb_status, (Ptr{swb_model}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), model, json, buf, len,
+    ccall(address(83), swb_status, (Ptr{swb_model}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), model, json, buf, len,
         needed)
 
 """
@@ -3659,7 +3677,7 @@ they write all entries, of the patterns beside the declarations, and return 0, o
         the buffer is too short
 """
 swb_model_write_c(model, buf, len, needed) =
-    ccall(address(83), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(84), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_write_fmu(model, path, library, version, x0, nx, u0, nu, p0, np, rtol, atol, duration) -> swb_status
@@ -3694,6 +3712,7 @@ Free; systems made of the model stay. NULL is allowed.
 """
 swb_model_free(model) = ccall(address(81), Cvoid, (Ptr{swb_model},), model)
 swb_model_free(model) = ccall(address(84), Cvoid, (Ptr{swb_model},), model)
+swb_model_free(model) = ccall(address(85), Cvoid, (Ptr{swb_model},), model)
 
 """
     swb_system_add_choice(system, control, values, n, dwell, index) -> swb_status
@@ -3712,6 +3731,7 @@ best choice of every control stage; simulations take any value.
 swb_system_add_choice(system, control, values, n, dwell, index) =
     ccall(address(82), swb_status, (Ptr{swb_system}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), system,
     ccall(address(85), swb_status, (Ptr{swb_system}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), system,
+    ccall(address(86), swb_status, (Ptr{swb_system}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), system,
         control, values, n, dwell, index)
 
 """
@@ -3728,6 +3748,7 @@ Say that a control of a model, and thereby of all systems made of it later, choo
 swb_model_add_choice(model, control, values, n, dwell, index) =
     ccall(address(83), swb_status, (Ptr{swb_model}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), model,
     ccall(address(86), swb_status, (Ptr{swb_model}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), model,
+    ccall(address(87), swb_status, (Ptr{swb_model}, Int64, Ptr{Cdouble}, Int64, Cdouble, Ptr{Int64}), model,
         control, values, n, dwell, index)
 
 """
@@ -3742,6 +3763,7 @@ Numbers of a trajectory.
 swb_trajectory_get_info(trajectory, info, struct_size) =
     ccall(address(84), swb_status, (Ptr{swb_trajectory}, Ptr{swb_trajectory_info}, UInt64), trajectory, info,
     ccall(address(87), swb_status, (Ptr{swb_trajectory}, Ptr{swb_trajectory_info}, UInt64), trajectory, info,
+    ccall(address(88), swb_status, (Ptr{swb_trajectory}, Ptr{swb_trajectory_info}, UInt64), trajectory, info,
         struct_size)
 
 """
@@ -3755,6 +3777,7 @@ Times of the element boundaries.
 swb_trajectory_times(trajectory, t, n) =
     ccall(address(85), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
     ccall(address(88), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
+    ccall(address(89), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
 
 """
     swb_trajectory_states(trajectory, x, n) -> swb_status
@@ -3768,6 +3791,7 @@ States at the element boundaries.
 swb_trajectory_states(trajectory, x, n) =
     ccall(address(86), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
     ccall(address(89), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
+    ccall(address(90), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
 
 """
     swb_trajectory_steps(trajectory, h, n) -> swb_status
@@ -3780,6 +3804,7 @@ Lengths of the elements.
 swb_trajectory_steps(trajectory, h, n) =
     ccall(address(87), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, h, n)
     ccall(address(90), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, h, n)
+    ccall(address(91), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, h, n)
 
 """
     swb_trajectory_control_stages(trajectory, stage, n) -> swb_status
@@ -3792,6 +3817,7 @@ Control stages the elements belong to; 0 in simulations.
 swb_trajectory_control_stages(trajectory, stage, n) =
     ccall(address(88), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, stage, n)
     ccall(address(91), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, stage, n)
+    ccall(address(92), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, stage, n)
 
 """
     swb_trajectory_modes(trajectory, n_modes, n) -> swb_status
@@ -3804,6 +3830,7 @@ Numbers of modes of the subsystems that can switch.
 swb_trajectory_modes(trajectory, n_modes, n) =
     ccall(address(89), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, n_modes, n)
     ccall(address(92), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, n_modes, n)
+    ccall(address(93), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, n_modes, n)
 
 """
     swb_trajectory_active(trajectory, active, n) -> swb_status
@@ -3816,6 +3843,7 @@ Active modes in the elements: one alone, or several in a sliding mode.
 swb_trajectory_active(trajectory, active, n) =
     ccall(address(90), swb_status, (Ptr{swb_trajectory}, Ptr{Int32}, Int64), trajectory, active, n)
     ccall(address(93), swb_status, (Ptr{swb_trajectory}, Ptr{Int32}, Int64), trajectory, active, n)
+    ccall(address(94), swb_status, (Ptr{swb_trajectory}, Ptr{Int32}, Int64), trajectory, active, n)
 
 """
     swb_trajectory_stage_times(trajectory, t, n) -> swb_status
@@ -3828,6 +3856,7 @@ Times of the stage points.
 swb_trajectory_stage_times(trajectory, t, n) =
     ccall(address(91), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
     ccall(address(94), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
+    ccall(address(95), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
 
 """
     swb_trajectory_stage_states(trajectory, x, n) -> swb_status
@@ -3840,6 +3869,7 @@ States at the stage points.
 swb_trajectory_stage_states(trajectory, x, n) =
     ccall(address(92), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
     ccall(address(95), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
+    ccall(address(96), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
 
 """
     swb_trajectory_stage_theta(trajectory, theta, n) -> swb_status
@@ -3852,6 +3882,7 @@ Convex multipliers of the modes at the stage points.
 swb_trajectory_stage_theta(trajectory, theta, n) =
     ccall(address(93), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, theta, n)
     ccall(address(96), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, theta, n)
+    ccall(address(97), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, theta, n)
 
 """
     swb_trajectory_switches(trajectory, switches, n, struct_size) -> swb_status
@@ -3865,6 +3896,7 @@ Switches in the order of time.
 swb_trajectory_switches(trajectory, switches, n, struct_size) =
     ccall(address(94), swb_status, (Ptr{swb_trajectory}, Ptr{swb_switch}, Int64, UInt64), trajectory, switches, n,
     ccall(address(97), swb_status, (Ptr{swb_trajectory}, Ptr{swb_switch}, Int64, UInt64), trajectory, switches, n,
+    ccall(address(98), swb_status, (Ptr{swb_trajectory}, Ptr{swb_switch}, Int64, UInt64), trajectory, switches, n,
         struct_size)
 
 """
@@ -3879,6 +3911,7 @@ States at any times, by the polynomials of the elements.
 swb_trajectory_state_at(trajectory, t, n_t, x, n_x) =
     ccall(address(95), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), trajectory, t,
     ccall(address(98), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), trajectory, t,
+    ccall(address(99), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), trajectory, t,
         n_t, x, n_x)
 
 """
@@ -3888,6 +3921,7 @@ Free; NULL is allowed.
 """
 swb_trajectory_free(trajectory) = ccall(address(96), Cvoid, (Ptr{swb_trajectory},), trajectory)
 swb_trajectory_free(trajectory) = ccall(address(99), Cvoid, (Ptr{swb_trajectory},), trajectory)
+swb_trajectory_free(trajectory) = ccall(address(100), Cvoid, (Ptr{swb_trajectory},), trajectory)
 
 """
     swb_simulator_create(system, settings, out) -> swb_status
@@ -3903,6 +3937,7 @@ Create a simulator. Time, state, controls and parameters are zero until they are
 swb_simulator_create(system, settings, out) =
     ccall(address(97), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_simulator}}), system, settings,
     ccall(address(100), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_simulator}}), system, settings,
+    ccall(address(101), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_simulator}}), system, settings,
         out)
 
 """
@@ -3916,6 +3951,7 @@ Set time and state, and begin a new trajectory.
 swb_simulator_set_state(sim, t, x, nx) =
     ccall(address(98), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Cdouble}, Int64), sim, t, x, nx)
     ccall(address(101), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Cdouble}, Int64), sim, t, x, nx)
+    ccall(address(102), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Cdouble}, Int64), sim, t, x, nx)
 
 """
     swb_simulator_set_controls(sim, u, nu) -> swb_status
@@ -3928,6 +3964,7 @@ Set the controls, constant from now on.
 swb_simulator_set_controls(sim, u, nu) =
     ccall(address(99), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, u, nu)
     ccall(address(102), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, u, nu)
+    ccall(address(103), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, u, nu)
 
 """
     swb_simulator_set_params(sim, p, np) -> swb_status
@@ -3940,6 +3977,7 @@ Set the parameters.
 swb_simulator_set_params(sim, p, np) =
     ccall(address(100), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, p, np)
     ccall(address(103), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, p, np)
+    ccall(address(104), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, p, np)
 
 """
     swb_simulator_run(sim, duration, n_steps, outcome) -> swb_status
@@ -3955,6 +3993,7 @@ the last step that was done.
 swb_simulator_run(sim, duration, n_steps, outcome) =
     ccall(address(101), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{Int32}), sim, duration, n_steps,
     ccall(address(104), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{Int32}), sim, duration, n_steps,
+    ccall(address(105), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{Int32}), sim, duration, n_steps,
         outcome)
 
 """
@@ -3968,6 +4007,7 @@ Simulate one step of n_fe finite elements over the duration h; the trajectory gr
 swb_simulator_step(sim, h, outcome) =
     ccall(address(102), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Int32}), sim, h, outcome)
     ccall(address(105), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Int32}), sim, h, outcome)
+    ccall(address(106), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Int32}), sim, h, outcome)
 
 """
     swb_simulator_clear(sim) -> swb_status
@@ -3978,6 +4018,7 @@ Forget trajectory and statistics; time and state stay.
 """
 swb_simulator_clear(sim) = ccall(address(103), swb_status, (Ptr{swb_simulator},), sim)
 swb_simulator_clear(sim) = ccall(address(106), swb_status, (Ptr{swb_simulator},), sim)
+swb_simulator_clear(sim) = ccall(address(107), swb_status, (Ptr{swb_simulator},), sim)
 
 """
     swb_simulator_sizes(sim, nx, nu, np) -> swb_status
@@ -3992,6 +4033,7 @@ Sizes of a simulator.
 swb_simulator_sizes(sim, nx, nu, np) =
     ccall(address(104), swb_status, (Ptr{swb_simulator}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), sim, nx, nu, np)
     ccall(address(107), swb_status, (Ptr{swb_simulator}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), sim, nx, nu, np)
+    ccall(address(108), swb_status, (Ptr{swb_simulator}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), sim, nx, nu, np)
 
 """
     swb_simulator_get_time(sim, t) -> swb_status
@@ -4002,6 +4044,7 @@ Time reached.
 """
 swb_simulator_get_time(sim, t) = ccall(address(105), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}), sim, t)
 swb_simulator_get_time(sim, t) = ccall(address(108), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}), sim, t)
+swb_simulator_get_time(sim, t) = ccall(address(109), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}), sim, t)
 
 """
     swb_simulator_get_state(sim, x, nx) -> swb_status
@@ -4014,6 +4057,7 @@ State reached.
 swb_simulator_get_state(sim, x, nx) =
     ccall(address(106), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, x, nx)
     ccall(address(109), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, x, nx)
+    ccall(address(110), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, x, nx)
 
 """
     swb_simulator_get_outcome(sim, outcome) -> swb_status
@@ -4026,6 +4070,7 @@ How the last step ended.
 swb_simulator_get_outcome(sim, outcome) =
     ccall(address(107), swb_status, (Ptr{swb_simulator}, Ptr{Int32}), sim, outcome)
     ccall(address(110), swb_status, (Ptr{swb_simulator}, Ptr{Int32}), sim, outcome)
+    ccall(address(111), swb_status, (Ptr{swb_simulator}, Ptr{Int32}), sim, outcome)
 
 """
     swb_simulator_get_residuals(sim, residuals, struct_size) -> swb_status
@@ -4039,6 +4084,7 @@ Largest residuals over the steps of the trajectory.
 swb_simulator_get_residuals(sim, residuals, struct_size) =
     ccall(address(108), swb_status, (Ptr{swb_simulator}, Ptr{swb_residuals}, UInt64), sim, residuals, struct_size)
     ccall(address(111), swb_status, (Ptr{swb_simulator}, Ptr{swb_residuals}, UInt64), sim, residuals, struct_size)
+    ccall(address(112), swb_status, (Ptr{swb_simulator}, Ptr{swb_residuals}, UInt64), sim, residuals, struct_size)
 
 """
     swb_simulator_get_stats(sim, stats, struct_size) -> swb_status
@@ -4052,6 +4098,7 @@ Work and time of the steps of the trajectory.
 swb_simulator_get_stats(sim, stats, struct_size) =
     ccall(address(109), swb_status, (Ptr{swb_simulator}, Ptr{swb_stats}, UInt64), sim, stats, struct_size)
     ccall(address(112), swb_status, (Ptr{swb_simulator}, Ptr{swb_stats}, UInt64), sim, stats, struct_size)
+    ccall(address(113), swb_status, (Ptr{swb_simulator}, Ptr{swb_stats}, UInt64), sim, stats, struct_size)
 
 """
     swb_simulator_get_trajectory(sim, out) -> swb_status
@@ -4064,6 +4111,7 @@ A copy of the trajectory since the state was set; empty before the first step.
 swb_simulator_get_trajectory(sim, out) =
     ccall(address(110), swb_status, (Ptr{swb_simulator}, Ptr{Ptr{swb_trajectory}}), sim, out)
     ccall(address(113), swb_status, (Ptr{swb_simulator}, Ptr{Ptr{swb_trajectory}}), sim, out)
+    ccall(address(114), swb_status, (Ptr{swb_simulator}, Ptr{Ptr{swb_trajectory}}), sim, out)
 
 """
     swb_simulator_set_int(sim, name, value) -> swb_status
@@ -4075,6 +4123,7 @@ Set an integer or enumeration option of a simulator (or a float one, to an integ
 swb_simulator_set_int(sim, name, value) =
     ccall(address(111), swb_status, (Ptr{swb_simulator}, Cstring, Int64), sim, name, value)
     ccall(address(114), swb_status, (Ptr{swb_simulator}, Cstring, Int64), sim, name, value)
+    ccall(address(115), swb_status, (Ptr{swb_simulator}, Cstring, Int64), sim, name, value)
 
 """
     swb_simulator_set_double(sim, name, value) -> swb_status
@@ -4086,6 +4135,7 @@ Set a float option of a simulator by name.
 swb_simulator_set_double(sim, name, value) =
     ccall(address(112), swb_status, (Ptr{swb_simulator}, Cstring, Cdouble), sim, name, value)
     ccall(address(115), swb_status, (Ptr{swb_simulator}, Cstring, Cdouble), sim, name, value)
+    ccall(address(116), swb_status, (Ptr{swb_simulator}, Cstring, Cdouble), sim, name, value)
 
 """
     swb_simulator_set_string(sim, name, value) -> swb_status
@@ -4097,6 +4147,7 @@ Set any option of a simulator by name from text: a number, or the value name of 
 swb_simulator_set_string(sim, name, value) =
     ccall(address(113), swb_status, (Ptr{swb_simulator}, Cstring, Cstring), sim, name, value)
     ccall(address(116), swb_status, (Ptr{swb_simulator}, Cstring, Cstring), sim, name, value)
+    ccall(address(117), swb_status, (Ptr{swb_simulator}, Cstring, Cstring), sim, name, value)
 
 """
     swb_simulator_set_settings(sim, settings) -> swb_status
@@ -4109,6 +4160,7 @@ Set all options of a simulator.
 swb_simulator_set_settings(sim, settings) =
     ccall(address(114), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}), sim, settings)
     ccall(address(117), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}), sim, settings)
+    ccall(address(118), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}), sim, settings)
 
 """
     swb_simulator_get_settings(sim, settings, struct_size) -> swb_status
@@ -4122,6 +4174,7 @@ Options of a simulator, all of them.
 swb_simulator_get_settings(sim, settings, struct_size) =
     ccall(address(115), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}, UInt64), sim, settings, struct_size)
     ccall(address(118), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}, UInt64), sim, settings, struct_size)
+    ccall(address(119), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}, UInt64), sim, settings, struct_size)
 
 """
     swb_simulator_set_iteration(sim, iteration, user_data) -> swb_status
@@ -4134,6 +4187,7 @@ Set who is called once per iteration; NULL for nobody.
 swb_simulator_set_iteration(sim, iteration, user_data) =
     ccall(address(116), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, iteration, user_data)
     ccall(address(119), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, iteration, user_data)
+    ccall(address(120), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, iteration, user_data)
 
 """
     swb_simulator_set_log(sim, log, user_data) -> swb_status
@@ -4146,6 +4200,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 swb_simulator_set_log(sim, log, user_data) =
     ccall(address(117), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, log, user_data)
     ccall(address(120), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, log, user_data)
+    ccall(address(121), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, log, user_data)
 
 """
     swb_simulator_interrupt(sim) -> swb_status
@@ -4159,6 +4214,7 @@ these, a model function that takes long itself is waited for. What was found bef
 """
 swb_simulator_interrupt(sim) = ccall(address(118), swb_status, (Ptr{swb_simulator},), sim)
 swb_simulator_interrupt(sim) = ccall(address(121), swb_status, (Ptr{swb_simulator},), sim)
+swb_simulator_interrupt(sim) = ccall(address(122), swb_status, (Ptr{swb_simulator},), sim)
 
 """
     swb_simulator_free(sim) -> Cvoid
@@ -4167,6 +4223,7 @@ Free; NULL is allowed.
 """
 swb_simulator_free(sim) = ccall(address(119), Cvoid, (Ptr{swb_simulator},), sim)
 swb_simulator_free(sim) = ccall(address(122), Cvoid, (Ptr{swb_simulator},), sim)
+swb_simulator_free(sim) = ccall(address(123), Cvoid, (Ptr{swb_simulator},), sim)
 
 """
     swb_run_outcome_name(outcome) -> Cstring
@@ -4175,6 +4232,7 @@ Name of an outcome of an event-driven simulation, such as \"reached\"; NULL for 
 """
 swb_run_outcome_name(outcome) = ccall(address(120), Cstring, (Int32,), outcome)
 swb_run_outcome_name(outcome) = ccall(address(123), Cstring, (Int32,), outcome)
+swb_run_outcome_name(outcome) = ccall(address(124), Cstring, (Int32,), outcome)
 
 """
     swb_run_get_info(run, info, struct_size) -> swb_status
@@ -4188,6 +4246,7 @@ Numbers of a run.
 swb_run_get_info(run, info, struct_size) =
     ccall(address(121), swb_status, (Ptr{swb_run}, Ptr{swb_run_info}, UInt64), run, info, struct_size)
     ccall(address(124), swb_status, (Ptr{swb_run}, Ptr{swb_run_info}, UInt64), run, info, struct_size)
+    ccall(address(125), swb_status, (Ptr{swb_run}, Ptr{swb_run_info}, UInt64), run, info, struct_size)
 
 """
     swb_run_reason(run, buf, len, needed) -> swb_status
@@ -4201,6 +4260,7 @@ Why a run ended early, in words; if it reached its time, what is not known to th
 swb_run_reason(run, buf, len, needed) =
     ccall(address(122), swb_status, (Ptr{swb_run}, Ptr{UInt8}, Int64, Ptr{Int64}), run, buf, len, needed)
     ccall(address(125), swb_status, (Ptr{swb_run}, Ptr{UInt8}, Int64, Ptr{Int64}), run, buf, len, needed)
+    ccall(address(126), swb_status, (Ptr{swb_run}, Ptr{UInt8}, Int64, Ptr{Int64}), run, buf, len, needed)
 
 """
     swb_run_get_stats(run, stats, struct_size) -> swb_status
@@ -4214,6 +4274,7 @@ Work of a run.
 swb_run_get_stats(run, stats, struct_size) =
     ccall(address(123), swb_status, (Ptr{swb_run}, Ptr{swb_run_stats}, UInt64), run, stats, struct_size)
     ccall(address(126), swb_status, (Ptr{swb_run}, Ptr{swb_run_stats}, UInt64), run, stats, struct_size)
+    ccall(address(127), swb_status, (Ptr{swb_run}, Ptr{swb_run_stats}, UInt64), run, stats, struct_size)
 
 """
     swb_run_state(run, x, nx) -> swb_status
@@ -4225,6 +4286,7 @@ State reached.
 """
 swb_run_state(run, x, nx) = ccall(address(124), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, x, nx)
 swb_run_state(run, x, nx) = ccall(address(127), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, x, nx)
+swb_run_state(run, x, nx) = ccall(address(128), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, x, nx)
 
 """
     swb_run_events(run, events, n, struct_size) -> swb_status
@@ -4238,6 +4300,7 @@ Switches in the order of time.
 swb_run_events(run, events, n, struct_size) =
     ccall(address(125), swb_status, (Ptr{swb_run}, Ptr{swb_event}, Int64, UInt64), run, events, n, struct_size)
     ccall(address(128), swb_status, (Ptr{swb_run}, Ptr{swb_event}, Int64, UInt64), run, events, n, struct_size)
+    ccall(address(129), swb_status, (Ptr{swb_run}, Ptr{swb_event}, Int64, UInt64), run, events, n, struct_size)
 
 """
     swb_run_branch_points(run, points, n, struct_size) -> swb_status
@@ -4251,6 +4314,7 @@ Points with several continuations, in the order of time.
 swb_run_branch_points(run, points, n, struct_size) =
     ccall(address(126), swb_status, (Ptr{swb_run}, Ptr{swb_branch_point}, Int64, UInt64), run, points, n,
     ccall(address(129), swb_status, (Ptr{swb_run}, Ptr{swb_branch_point}, Int64, UInt64), run, points, n,
+    ccall(address(130), swb_status, (Ptr{swb_run}, Ptr{swb_branch_point}, Int64, UInt64), run, points, n,
         struct_size)
 
 """
@@ -4265,6 +4329,7 @@ Surfaces only touched, in the order of time.
 swb_run_contacts(run, contacts, n, struct_size) =
     ccall(address(127), swb_status, (Ptr{swb_run}, Ptr{swb_contact}, Int64, UInt64), run, contacts, n, struct_size)
     ccall(address(130), swb_status, (Ptr{swb_run}, Ptr{swb_contact}, Int64, UInt64), run, contacts, n, struct_size)
+    ccall(address(131), swb_status, (Ptr{swb_run}, Ptr{swb_contact}, Int64, UInt64), run, contacts, n, struct_size)
 
 """
     swb_run_accumulations(run, points, n, struct_size) -> swb_status
@@ -4278,6 +4343,7 @@ Accumulating switches, in the order of time.
 swb_run_accumulations(run, points, n, struct_size) =
     ccall(address(128), swb_status, (Ptr{swb_run}, Ptr{swb_accumulation}, Int64, UInt64), run, points, n,
     ccall(address(131), swb_status, (Ptr{swb_run}, Ptr{swb_accumulation}, Int64, UInt64), run, points, n,
+    ccall(address(132), swb_status, (Ptr{swb_run}, Ptr{swb_accumulation}, Int64, UInt64), run, points, n,
         struct_size)
 
 """
@@ -4290,6 +4356,7 @@ Numbers of modes of the subsystems that can switch.
 """
 swb_run_modes(run, n_modes, n) = ccall(address(129), swb_status, (Ptr{swb_run}, Ptr{Int64}, Int64), run, n_modes, n)
 swb_run_modes(run, n_modes, n) = ccall(address(132), swb_status, (Ptr{swb_run}, Ptr{Int64}, Int64), run, n_modes, n)
+swb_run_modes(run, n_modes, n) = ccall(address(133), swb_status, (Ptr{swb_run}, Ptr{Int64}, Int64), run, n_modes, n)
 
 """
     swb_run_event_modes(run, index, before, after, n) -> swb_status
@@ -4304,6 +4371,7 @@ Active modes of its subsystem before and after a switch.
 swb_run_event_modes(run, index, before, after, n) =
     ccall(address(130), swb_status, (Ptr{swb_run}, Int64, Ptr{Int32}, Ptr{Int32}, Int64), run, index, before, after,
     ccall(address(133), swb_status, (Ptr{swb_run}, Int64, Ptr{Int32}, Ptr{Int32}, Int64), run, index, before, after,
+    ccall(address(134), swb_status, (Ptr{swb_run}, Int64, Ptr{Int32}, Ptr{Int32}, Int64), run, index, before, after,
         n)
 
 """
@@ -4320,6 +4388,7 @@ controls no columns remain.
 """
 swb_run_sensitivity(run, s, n) = ccall(address(131), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, s, n)
 swb_run_sensitivity(run, s, n) = ccall(address(134), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, s, n)
+swb_run_sensitivity(run, s, n) = ccall(address(135), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, s, n)
 
 """
     swb_run_event_sensitivity(run, index, dt, n) -> swb_status
@@ -4334,6 +4403,7 @@ none.
 swb_run_event_sensitivity(run, index, dt, n) =
     ccall(address(132), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
     ccall(address(135), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(136), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_times(run, t, n) -> swb_status
@@ -4345,6 +4415,7 @@ Times between which the dense output has a polynomial each: starts and ends of t
 """
 swb_run_times(run, t, n) = ccall(address(133), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, t, n)
 swb_run_times(run, t, n) = ccall(address(136), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, t, n)
+swb_run_times(run, t, n) = ccall(address(137), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, t, n)
 
 """
     swb_run_evaluate(run, t, n_t, k, x, n_x) -> swb_status
@@ -4359,6 +4430,7 @@ States at any times of the run, or their derivatives with respect to time. At a 
 swb_run_evaluate(run, t, n_t, k, x, n_x) =
     ccall(address(134), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Int64, Ptr{Cdouble}, Int64), run, t, n_t, k,
     ccall(address(137), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Int64, Ptr{Cdouble}, Int64), run, t, n_t, k,
+    ccall(address(138), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Int64, Ptr{Cdouble}, Int64), run, t, n_t, k,
         x, n_x)
 
 """
@@ -4368,6 +4440,7 @@ Free; NULL is allowed.
 """
 swb_run_free(run) = ccall(address(135), Cvoid, (Ptr{swb_run},), run)
 swb_run_free(run) = ccall(address(138), Cvoid, (Ptr{swb_run},), run)
+swb_run_free(run) = ccall(address(139), Cvoid, (Ptr{swb_run},), run)
 
 """
     swb_system_add_transition(system, guard, direction, from_states, n_from_states, from_values, n_from_values, reset, to_states, n_to_states, to_values, n_to_values, index) -> swb_status
@@ -4396,6 +4469,7 @@ swb_system_add_transition(system, guard, direction, from_states, n_from_states, 
     to_states, n_to_states, to_values, n_to_values, index) =
     ccall(address(136), swb_status, (Ptr{swb_system}, Ptr{swb_function}, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
     ccall(address(139), swb_status, (Ptr{swb_system}, Ptr{swb_function}, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(140), swb_status, (Ptr{swb_system}, Ptr{swb_function}, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), system, guard, direction,
         from_states, n_from_states, from_values, n_from_values, reset, to_states, n_to_states, to_values,
         n_to_values, index)
@@ -4426,6 +4500,7 @@ swb_system_add_event(system, name, effect, trigger, guard, direction, from_state
     n_from_values, reset, to_states, n_to_states, to_values, n_to_values, index) =
     ccall(address(137), swb_status, (Ptr{swb_system}, Cstring, Int32, Int32, Ptr{swb_function}, Int32, Ptr{Int64},
     ccall(address(140), swb_status, (Ptr{swb_system}, Cstring, Int32, Int32, Ptr{swb_function}, Int32, Ptr{Int64},
+    ccall(address(141), swb_status, (Ptr{swb_system}, Cstring, Int32, Int32, Ptr{swb_function}, Int32, Ptr{Int64},
         Int64, Ptr{Cdouble}, Int64, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), system,
         name, effect, trigger, guard, direction, from_states, n_from_states, from_values, n_from_values, reset,
         to_states, n_to_states, to_values, n_to_values, index)
@@ -4443,6 +4518,7 @@ begins anew where the right-hand side jumps. Tables in models say these times th
 swb_system_add_known_times(system, t, n_t, jumps, n_jumps) =
     ccall(address(138), swb_status, (Ptr{swb_system}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64), system, t, n_t,
     ccall(address(141), swb_status, (Ptr{swb_system}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64), system, t, n_t,
+    ccall(address(142), swb_status, (Ptr{swb_system}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64), system, t, n_t,
         jumps, n_jumps)
 
 """
@@ -4457,6 +4533,7 @@ What was noted in the order of time; the number is n_notes of swb_run_info.
 swb_run_notes(run, notes, n, struct_size) =
     ccall(address(139), swb_status, (Ptr{swb_run}, Ptr{swb_note}, Int64, UInt64), run, notes, n, struct_size)
     ccall(address(142), swb_status, (Ptr{swb_run}, Ptr{swb_note}, Int64, UInt64), run, notes, n, struct_size)
+    ccall(address(143), swb_status, (Ptr{swb_run}, Ptr{swb_note}, Int64, UInt64), run, notes, n, struct_size)
 
 """
     swb_run_note_state(run, index, x, n) -> swb_status
@@ -4470,6 +4547,7 @@ The state at a note.
 swb_run_note_state(run, index, x, n) =
     ccall(address(140), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, x, n)
     ccall(address(143), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, x, n)
+    ccall(address(144), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, x, n)
 
 """
     swb_run_note_sensitivity(run, index, dt, n) -> swb_status
@@ -4483,6 +4561,7 @@ Derivatives of the time of a note with respect to initial states, parameters and
 swb_run_note_sensitivity(run, index, dt, n) =
     ccall(address(141), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
     ccall(address(144), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(145), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_jumps(run, jumps, n, struct_size) -> swb_status
@@ -4496,6 +4575,7 @@ The transitions of a run in the order they were made; their number is n_jumps of
 swb_run_jumps(run, jumps, n, struct_size) =
     ccall(address(142), swb_status, (Ptr{swb_run}, Ptr{swb_jump}, Int64, UInt64), run, jumps, n, struct_size)
     ccall(address(145), swb_status, (Ptr{swb_run}, Ptr{swb_jump}, Int64, UInt64), run, jumps, n, struct_size)
+    ccall(address(146), swb_status, (Ptr{swb_run}, Ptr{swb_jump}, Int64, UInt64), run, jumps, n, struct_size)
 
 """
     swb_run_jump_states(run, index, before, after, n) -> swb_status
@@ -4511,6 +4591,7 @@ transition does not name are NaN: dense output knows them.
 swb_run_jump_states(run, index, before, after, n) =
     ccall(address(143), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), run, index, before,
     ccall(address(146), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), run, index, before,
+    ccall(address(147), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), run, index, before,
         after, n)
 
 """
@@ -4525,6 +4606,7 @@ Derivatives of the time of a transition with respect to initial states, paramete
 swb_run_jump_sensitivity(run, index, dt, n) =
     ccall(address(144), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
     ccall(address(147), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(148), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_scene_create(name, n_q, n_v, nu, np, names, out) -> swb_status
@@ -4544,6 +4626,7 @@ velocities the rates of the coordinates are the velocities.
 swb_scene_create(name, n_q, n_v, nu, np, names, out) =
     ccall(address(145), swb_status, (Cstring, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, n_q,
     ccall(address(148), swb_status, (Cstring, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, n_q,
+    ccall(address(149), swb_status, (Cstring, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, n_q,
         n_v, nu, np, names, out)
 
 """
@@ -4565,6 +4648,7 @@ temperatures. Forces and the bounds of friction at joints may depend on them. Th
 swb_scene_create_with_states(name, n_q, n_v, n_z, nu, np, names, out) =
     ccall(address(146), swb_status, (Cstring, Int64, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}),
     ccall(address(149), swb_status, (Cstring, Int64, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}),
+    ccall(address(150), swb_status, (Cstring, Int64, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}),
         name, n_q, n_v, n_z, nu, np, names, out)
 
 """
@@ -4587,6 +4671,7 @@ constraint c_i, without tangents, friction and restitution; multipliers are the 
 swb_scene_create_projected(name, nx, nu, np, names, out) =
     ccall(address(147), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
     ccall(address(150), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
+    ccall(address(151), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
         names, out)
 
 """
@@ -4601,6 +4686,7 @@ Set the rates of the coordinates, linear in the velocities: q' = N(q) v.
 swb_scene_set_rates(scene, graph, rates, n) =
     ccall(address(148), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
     ccall(address(151), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
+    ccall(address(152), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
 
 """
     swb_scene_set_inertia(scene, graph, entries, n) -> swb_status
@@ -4614,6 +4700,7 @@ Set the inertia matrix M: symmetric and positive definite; it may depend on coor
 swb_scene_set_inertia(scene, graph, entries, n) =
     ccall(address(149), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
     ccall(address(152), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
+    ccall(address(153), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
 
 """
     swb_scene_set_force(scene, graph, force, n) -> swb_status
@@ -4627,6 +4714,7 @@ Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact force
 swb_scene_set_force(scene, graph, force, n) =
     ccall(address(150), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
     ccall(address(153), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
+    ccall(address(154), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
 
 """
     swb_scene_set_state_rates(scene, graph, rates, n) -> swb_status
@@ -4640,6 +4728,7 @@ Set the rates of the states beside coordinates and velocities, expressions of st
 swb_scene_set_state_rates(scene, graph, rates, n) =
     ccall(address(151), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
     ccall(address(154), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
+    ccall(address(155), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
 
 """
     swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) -> swb_status
@@ -4661,6 +4750,7 @@ Add a contact.
 swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) =
     ccall(address(152), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
     ccall(address(155), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
+    ccall(address(156), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
         Ptr{Int64}), scene, graph, name, gap, tangents, n_tangents, friction, restitution, index)
 
 """
@@ -4677,6 +4767,7 @@ coefficient of sliding only.
 swb_scene_set_stiction(scene, graph, contact, stiction) =
     ccall(address(153), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Int64), scene, graph, contact, stiction)
     ccall(address(156), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Int64), scene, graph, contact, stiction)
+    ccall(address(157), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Int64), scene, graph, contact, stiction)
 
 """
     swb_scene_add_friction(scene, graph, name, sliding, bound, stiction, index) -> swb_status
@@ -4697,6 +4788,7 @@ contacts, and in results its force stands at the first tangent, behind a zero in
 swb_scene_add_friction(scene, graph, name, sliding, bound, stiction, index) =
     ccall(address(154), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}),
     ccall(address(157), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}),
+    ccall(address(158), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}),
         scene, graph, name, sliding, bound, stiction, index)
 
 """
@@ -4714,6 +4806,7 @@ It is counted among the contacts.
 swb_scene_add_constraint(scene, graph, name, zero, index) =
     ccall(address(155), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}), scene, graph, name,
     ccall(address(158), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}), scene, graph, name,
+    ccall(address(159), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}), scene, graph, name,
         zero, index)
 
 """
@@ -4730,6 +4823,7 @@ proof in the report. A simulation that leaves the bounds ends with an error if s
 swb_scene_set_bounds(scene, coordinate, low, high) =
     ccall(address(156), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
     ccall(address(159), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
+    ccall(address(160), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
 
 """
     swb_scene_set_impact_law(scene, law) -> swb_status
@@ -4741,6 +4835,7 @@ Set what happens where several contacts close at once.
 """
 swb_scene_set_impact_law(scene, law) = ccall(address(157), swb_status, (Ptr{swb_scene}, Int32), scene, law)
 swb_scene_set_impact_law(scene, law) = ccall(address(160), swb_status, (Ptr{swb_scene}, Int32), scene, law)
+swb_scene_set_impact_law(scene, law) = ccall(address(161), swb_status, (Ptr{swb_scene}, Int32), scene, law)
 
 """
     swb_scene_build(scene, graph) -> swb_status
@@ -4753,6 +4848,7 @@ Build the scene: derivatives, normals, and which contacts cannot close. Any chan
 """
 swb_scene_build(scene, graph) = ccall(address(158), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
 swb_scene_build(scene, graph) = ccall(address(161), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
+swb_scene_build(scene, graph) = ccall(address(162), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
 
 """
     swb_scene_system(scene, out) -> swb_status
@@ -4764,6 +4860,7 @@ The system of a scene that is built; its states are the coordinates, then the ve
 """
 swb_scene_system(scene, out) = ccall(address(159), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
 swb_scene_system(scene, out) = ccall(address(162), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
+swb_scene_system(scene, out) = ccall(address(163), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
 
 """
     swb_scene_report(scene, json, buf, len, needed) -> swb_status
@@ -4778,6 +4875,7 @@ Report of a scene that is built: contacts with what they cost, and which were le
 swb_scene_report(scene, json, buf, len, needed) =
     ccall(address(160), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
     ccall(address(163), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
+    ccall(address(164), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
         needed)
 
 """
@@ -4787,6 +4885,7 @@ Free; systems made of the scene stay. NULL is allowed.
 """
 swb_scene_free(scene) = ccall(address(161), Cvoid, (Ptr{swb_scene},), scene)
 swb_scene_free(scene) = ccall(address(164), Cvoid, (Ptr{swb_scene},), scene)
+swb_scene_free(scene) = ccall(address(165), Cvoid, (Ptr{swb_scene},), scene)
 
 """
     swb_run_impacts(run, impacts, n, struct_size) -> swb_status
@@ -4800,6 +4899,7 @@ The impacts of a run in the order they happened; their number is n_impacts of sw
 swb_run_impacts(run, impacts, n, struct_size) =
     ccall(address(162), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
     ccall(address(165), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
+    ccall(address(166), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
 
 """
     swb_run_impact_sensitivity(run, index, dt, n) -> swb_status
@@ -4813,6 +4913,7 @@ Derivatives of the time of an impact with respect to initial states, parameters 
 swb_run_impact_sensitivity(run, index, dt, n) =
     ccall(address(163), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
     ccall(address(166), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(167), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_contact_modes(run, t, n_t, modes, n) -> swb_status
@@ -4826,6 +4927,7 @@ Modes of the contacts of a scene at times.
 swb_run_contact_modes(run, t, n_t, modes, n) =
     ccall(address(164), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
     ccall(address(167), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
+    ccall(address(168), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
 
 """
     swb_run_contact_forces(run, t, n_t, forces, n) -> swb_status
@@ -4842,6 +4944,7 @@ Forces of the contacts of a scene at times: forces, not impulses. Other times th
 swb_run_contact_forces(run, t, n_t, forces, n) =
     ccall(address(165), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
     ccall(address(168), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
+    ccall(address(169), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
         n)
 
 """
@@ -4858,6 +4961,7 @@ swb_scene_set_state_rates. Simulations start where they are told to.
 swb_scene_add_discrete(scene, name, initial, state) =
     ccall(address(166), swb_status, (Ptr{swb_scene}, Cstring, Cdouble, Ptr{Int64}), scene, name, initial, state)
     ccall(address(169), swb_status, (Ptr{swb_scene}, Cstring, Cdouble, Ptr{Int64}), scene, name, initial, state)
+    ccall(address(170), swb_status, (Ptr{swb_scene}, Cstring, Cdouble, Ptr{Int64}), scene, name, initial, state)
 
 """
     swb_scene_add_event(scene, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) -> swb_status
@@ -4888,6 +4992,7 @@ swb_scene_add_event(scene, graph, name, effect, trigger, guard, direction, from_
     index) =
     ccall(address(167), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
     ccall(address(170), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
+    ccall(address(171), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
         Int64, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Int64}), scene, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
         n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values,
@@ -4914,6 +5019,7 @@ swb_scene_add_clock(scene, graph, period, offset, count, reset_states, n_reset_s
     n_to_states, to_values, n_to_values, index) =
     ccall(address(168), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
     ccall(address(171), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
+    ccall(address(172), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), scene, graph, period, offset, count,
         reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
 
@@ -4936,6 +5042,7 @@ swb_scene_add_times(scene, graph, times, n_times, count, reset_states, n_reset_s
     n_to_states, to_values, n_to_values, index) =
     ccall(address(169), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
     ccall(address(172), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
+    ccall(address(173), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), scene, graph, times, n_times, count,
         reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
 
@@ -4957,6 +5064,7 @@ and then 0.
 swb_scene_add_pwm(scene, graph, duty, period, offset, pulse, count, index) =
     ccall(address(170), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
     ccall(address(173), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
+    ccall(address(174), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
         Ptr{Int64}), scene, graph, duty, period, offset, pulse, count, index)
 
 """
@@ -4973,6 +5081,7 @@ values (swb_model_set_value_names) are given behind this.
 swb_model_set_discrete(model, initial, n) =
     ccall(address(171), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
     ccall(address(174), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(175), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_set_value_names(model, discrete, names) -> swb_status
@@ -4986,6 +5095,7 @@ Name the values 0, 1, ... of a discrete state: the states of an automaton. Repor
 swb_model_set_value_names(model, discrete, names) =
     ccall(address(172), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
     ccall(address(175), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
+    ccall(address(176), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
 
 """
     swb_model_get_value_names(model, discrete, buf, len, needed) -> swb_status
@@ -5000,6 +5110,7 @@ Names of the values of a discrete state, as swb_model_set_value_names takes them
 swb_model_get_value_names(model, discrete, buf, len, needed) =
     ccall(address(173), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
     ccall(address(176), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
+    ccall(address(177), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
         len, needed)
 
 """
@@ -5023,6 +5134,7 @@ swb_model_add_transition(model, graph, guard, direction, from_states, n_from_sta
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) =
     ccall(address(174), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
     ccall(address(177), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(178), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model,
         graph, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states,
         n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
@@ -5052,6 +5164,7 @@ swb_model_add_event(model, graph, name, effect, trigger, guard, direction, from_
     index) =
     ccall(address(175), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
     ccall(address(178), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
+    ccall(address(179), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
         Int64, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Int64}), model, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
         n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values,
@@ -5078,6 +5191,7 @@ swb_model_add_clock(model, graph, period, offset, count, reset_states, n_reset_s
     n_to_states, to_values, n_to_values, index) =
     ccall(address(176), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
     ccall(address(179), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
+    ccall(address(180), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model, graph, period, offset, count,
         reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
 
@@ -5100,6 +5214,7 @@ swb_model_add_times(model, graph, times, n_times, count, reset_states, n_reset_s
     n_to_states, to_values, n_to_values, index) =
     ccall(address(177), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
     ccall(address(180), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
+    ccall(address(181), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model, graph, times, n_times, count,
         reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
 
@@ -5120,6 +5235,7 @@ Add pulse-width modulation to a model: a discrete state is 1 from the times offs
 swb_model_add_pwm(model, graph, duty, period, offset, pulse, count, index) =
     ccall(address(178), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
     ccall(address(181), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
+    ccall(address(182), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
         Ptr{Int64}), model, graph, duty, period, offset, pulse, count, index)
 
 """
@@ -5137,6 +5253,7 @@ Effect, trigger and name of a transition of a model.
 swb_model_get_rule(model, index, effect, trigger, buf, len, needed) =
     ccall(address(179), swb_status, (Ptr{swb_model}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{UInt8}, Int64, Ptr{Int64}),
     ccall(address(182), swb_status, (Ptr{swb_model}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{UInt8}, Int64, Ptr{Int64}),
+    ccall(address(183), swb_status, (Ptr{swb_model}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{UInt8}, Int64, Ptr{Int64}),
         model, index, effect, trigger, buf, len, needed)
 
 """
@@ -5149,6 +5266,7 @@ Numbers of discrete states and of transitions of a model. Any output may be NULL
 swb_model_transition_counts(model, n_discrete, n_transitions) =
     ccall(address(180), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
     ccall(address(183), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
+    ccall(address(184), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
 
 """
     swb_model_get_discrete(model, initial, n) -> swb_status
@@ -5161,6 +5279,7 @@ Values with which the discrete states, the last ones, begin.
 swb_model_get_discrete(model, initial, n) =
     ccall(address(181), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
     ccall(address(184), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(185), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_transition_sizes(model, index, n_from, n_reset, n_to) -> swb_status
@@ -5176,6 +5295,7 @@ How long the lists of a transition of a model are. Any output may be NULL.
 swb_model_transition_sizes(model, index, n_from, n_reset, n_to) =
     ccall(address(182), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
     ccall(address(185), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
+    ccall(address(186), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
         n_from, n_reset, n_to)
 
 """
@@ -5199,6 +5319,7 @@ swb_model_get_transition(model, index, guard, direction, from_states, n_from_sta
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values) =
     ccall(address(183), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
     ccall(address(186), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(187), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64), model, index, guard,
         direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets,
         n_resets, to_states, n_to_states, to_values, n_to_values)
@@ -5216,6 +5337,7 @@ Create an integrator. Time, state, controls and parameters are zero until they a
 swb_integrator_create(system, settings, out) =
     ccall(address(184), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
     ccall(address(187), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
+    ccall(address(188), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
         settings, out)
 
 """
@@ -5230,6 +5352,7 @@ taken over. Controls, parameters and stop times stay.
 swb_integrator_reinit(integrator, t, x, nx) =
     ccall(address(185), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
     ccall(address(188), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
+    ccall(address(189), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
 
 """
     swb_integrator_set_controls(integrator, u, nu) -> swb_status
@@ -5242,6 +5365,7 @@ Set the controls, constant from now on. The active modes are found anew.
 swb_integrator_set_controls(integrator, u, nu) =
     ccall(address(186), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
     ccall(address(189), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
+    ccall(address(190), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
 
 """
     swb_integrator_set_params(integrator, p, np) -> swb_status
@@ -5254,6 +5378,7 @@ Set the parameters. The active modes are found anew.
 swb_integrator_set_params(integrator, p, np) =
     ccall(address(187), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
     ccall(address(190), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
+    ccall(address(191), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
 
 """
     swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) -> swb_status
@@ -5269,6 +5394,7 @@ next swb_integrator_reinit, or at once before the first step.
 swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) =
     ccall(address(188), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
     ccall(address(191), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
+    ccall(address(192), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
         rtol, n_rtol, atol, n_atol)
 
 """
@@ -5282,6 +5408,7 @@ Set times at which steps end, for functions of time that are not smooth there an
 swb_integrator_set_stop_times(integrator, t, n) =
     ccall(address(189), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
     ccall(address(192), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
+    ccall(address(193), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
 
 """
     swb_integrator_set_preferred(integrator, subsystem, modes, n) -> swb_status
@@ -5296,6 +5423,7 @@ ambiguity = prefer. Taken over by the next swb_integrator_reinit, or at once bef
 swb_integrator_set_preferred(integrator, subsystem, modes, n) =
     ccall(address(190), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
     ccall(address(193), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
+    ccall(address(194), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
         n)
 
 """
@@ -5309,6 +5437,7 @@ Set who decides where the continuation is not unique, before the option ambiguit
 swb_integrator_set_decider(integrator, decide, user_data) =
     ccall(address(191), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
     ccall(address(194), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
+    ccall(address(195), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
 
 """
     swb_integrator_step(integrator, t_stop, kind) -> swb_status
@@ -5322,6 +5451,7 @@ Do one step, not beyond t_stop nor a stop time.
 swb_integrator_step(integrator, t_stop, kind) =
     ccall(address(192), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
     ccall(address(195), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
+    ccall(address(196), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
 
 """
     swb_integrator_advance(integrator, t, outcome) -> swb_status
@@ -5334,6 +5464,7 @@ Integrate to the time t, exactly. Time and state are those at the end, or where 
 swb_integrator_advance(integrator, t, outcome) =
     ccall(address(193), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
     ccall(address(196), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
+    ccall(address(197), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
 
 """
     swb_integrator_sample(integrator, t, n, x, n_x, outcome) -> swb_status
@@ -5350,6 +5481,7 @@ them, and the dense output of the run need not be kept. At a switch the state be
 swb_integrator_sample(integrator, t, n, x, n_x, outcome) =
     ccall(address(194), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}),
     ccall(address(197), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}),
+    ccall(address(198), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}),
         integrator, t, n, x, n_x, outcome)
 
 """
@@ -5364,6 +5496,7 @@ Derivatives of the dense output with respect to time at a time in the last step.
 swb_integrator_get_dky(integrator, t, k, dky, nx) =
     ccall(address(195), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
     ccall(address(198), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
+    ccall(address(199), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
         dky, nx)
 
 """
@@ -5376,6 +5509,7 @@ Time reached.
 swb_integrator_get_time(integrator, t) =
     ccall(address(196), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
     ccall(address(199), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
+    ccall(address(200), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
 
 """
     swb_integrator_get_state(integrator, x, nx) -> swb_status
@@ -5388,6 +5522,7 @@ State reached.
 swb_integrator_get_state(integrator, x, nx) =
     ccall(address(197), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
     ccall(address(200), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
+    ccall(address(201), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
 
 """
     swb_integrator_get_derivative(integrator, f, nx) -> swb_status
@@ -5400,6 +5535,7 @@ Derivative of the state with respect to time under the present active modes; 0 b
 swb_integrator_get_derivative(integrator, f, nx) =
     ccall(address(198), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
     ccall(address(201), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
+    ccall(address(202), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
 
 """
     swb_integrator_get_active(integrator, subsystem, active, n) -> swb_status
@@ -5413,6 +5549,7 @@ Active modes of a subsystem: one alone, or several in a sliding mode; none befor
 swb_integrator_get_active(integrator, subsystem, active, n) =
     ccall(address(199), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
     ccall(address(202), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
+    ccall(address(203), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
         n)
 
 """
@@ -5426,6 +5563,7 @@ How the simulation stands.
 swb_integrator_get_outcome(integrator, outcome) =
     ccall(address(200), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
     ccall(address(203), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
+    ccall(address(204), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
 
 """
     swb_integrator_get_reason(integrator, buf, len, needed) -> swb_status
@@ -5439,6 +5577,7 @@ Why the simulation ended early, in words; if it did not, what is not known to th
 swb_integrator_get_reason(integrator, buf, len, needed) =
     ccall(address(201), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
     ccall(address(204), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
+    ccall(address(205), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
         needed)
 
 """
@@ -5453,6 +5592,7 @@ Work since the last swb_integrator_reinit.
 swb_integrator_get_stats(integrator, stats, struct_size) =
     ccall(address(202), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
     ccall(address(205), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
+    ccall(address(206), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
         struct_size)
 
 """
@@ -5466,6 +5606,7 @@ A copy of the result since the last swb_integrator_reinit: switches, derivatives
 swb_integrator_get_run(integrator, out) =
     ccall(address(203), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
     ccall(address(206), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
+    ccall(address(207), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
 
 """
     swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu) -> swb_status
@@ -5490,6 +5631,7 @@ swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, 
     nu) =
     ccall(address(204), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
     ccall(address(207), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
+    ccall(address(208), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64), integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu)
 
@@ -5513,6 +5655,7 @@ gradient of its own. Needs the option adjoint; the derivative has about half of 
 swb_integrator_adjoint_along(integrator, v, nx, x0, nx0, p, np, u, nu, ddx0, nddx0, ddp, nddp, ddu, nddu, dx, ndx) =
     ccall(address(205), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
     ccall(address(208), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
+    ccall(address(209), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64), integrator, v, nx, x0, nx0, p, np, u, nu, ddx0, nddx0, ddp, nddp, ddu, nddu, dx, ndx)
 
@@ -5527,6 +5670,7 @@ integration are taken over by the next swb_integrator_reinit, or at once before 
 swb_integrator_set_int(integrator, name, value) =
     ccall(address(206), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
     ccall(address(209), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
+    ccall(address(210), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
 
 """
     swb_integrator_set_double(integrator, name, value) -> swb_status
@@ -5538,6 +5682,7 @@ Set a float option of an integrator by name, as swb_integrator_set_int.
 swb_integrator_set_double(integrator, name, value) =
     ccall(address(207), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
     ccall(address(210), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
+    ccall(address(211), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
 
 """
     swb_integrator_set_string(integrator, name, value) -> swb_status
@@ -5549,6 +5694,7 @@ Set any option of an integrator by name from text, as swb_integrator_set_int.
 swb_integrator_set_string(integrator, name, value) =
     ccall(address(208), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
     ccall(address(211), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
+    ccall(address(212), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
 
 """
     swb_integrator_set_settings(integrator, settings) -> swb_status
@@ -5561,6 +5707,7 @@ Set all options of an integrator, as swb_integrator_set_int.
 swb_integrator_set_settings(integrator, settings) =
     ccall(address(209), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
     ccall(address(212), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
+    ccall(address(213), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
 
 """
     swb_integrator_get_settings(integrator, settings, struct_size) -> swb_status
@@ -5574,6 +5721,7 @@ Options of an integrator, all of them.
 swb_integrator_get_settings(integrator, settings, struct_size) =
     ccall(address(210), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
     ccall(address(213), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
+    ccall(address(214), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
         struct_size)
 
 """
@@ -5587,6 +5735,7 @@ Set who is called once per accepted step; NULL for nobody.
 swb_integrator_set_progress(integrator, progress, user_data) =
     ccall(address(211), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
     ccall(address(214), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
+    ccall(address(215), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
 
 """
     swb_integrator_set_poll(integrator, poll, user_data) -> swb_status
@@ -5600,6 +5749,7 @@ code runs: swb_integrator_set_progress calls at every step, which for a small sy
 swb_integrator_set_poll(integrator, poll, user_data) =
     ccall(address(212), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, poll, user_data)
     ccall(address(215), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, poll, user_data)
+    ccall(address(216), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, poll, user_data)
 
 """
     swb_integrator_set_log(integrator, log, user_data) -> swb_status
@@ -5613,6 +5763,7 @@ for each switch at level debug, one for each step at level trace.
 swb_integrator_set_log(integrator, log, user_data) =
     ccall(address(213), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
     ccall(address(216), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
+    ccall(address(217), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
 
 """
     swb_integrator_interrupt(integrator) -> swb_status
@@ -5625,6 +5776,7 @@ between steps: a call ends within the time of one step, which takes some tens of
 """
 swb_integrator_interrupt(integrator) = ccall(address(214), swb_status, (Ptr{swb_integrator},), integrator)
 swb_integrator_interrupt(integrator) = ccall(address(217), swb_status, (Ptr{swb_integrator},), integrator)
+swb_integrator_interrupt(integrator) = ccall(address(218), swb_status, (Ptr{swb_integrator},), integrator)
 
 """
     swb_integrator_free(integrator) -> Cvoid
@@ -5633,6 +5785,7 @@ Free; NULL is allowed.
 """
 swb_integrator_free(integrator) = ccall(address(215), Cvoid, (Ptr{swb_integrator},), integrator)
 swb_integrator_free(integrator) = ccall(address(218), Cvoid, (Ptr{swb_integrator},), integrator)
+swb_integrator_free(integrator) = ccall(address(219), Cvoid, (Ptr{swb_integrator},), integrator)
 
 """
     swb_step_options_init(options, struct_size) -> swb_status
@@ -5646,6 +5799,7 @@ Set the defaults of the options of a stepper.
 swb_step_options_init(options, struct_size) =
     ccall(address(216), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
     ccall(address(219), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
+    ccall(address(220), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
 
 """
     swb_stepper_create(system, options, out) -> swb_status
@@ -5661,6 +5815,7 @@ Create a stepper of a scene. It has no state yet; controls and parameters are ze
 swb_stepper_create(system, options, out) =
     ccall(address(217), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
     ccall(address(220), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
+    ccall(address(221), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
         options, out)
 
 """
@@ -5676,6 +5831,7 @@ Set time and state (coordinates, then velocities), and forget impulses and stati
 swb_stepper_set_state(stepper, t, x, nx) =
     ccall(address(218), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
     ccall(address(221), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
+    ccall(address(222), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
 
 """
     swb_stepper_set_controls(stepper, u, nu) -> swb_status
@@ -5688,6 +5844,7 @@ Set the controls, constant from now on.
 swb_stepper_set_controls(stepper, u, nu) =
     ccall(address(219), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
     ccall(address(222), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
+    ccall(address(223), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
 
 """
     swb_stepper_set_params(stepper, p, np) -> swb_status
@@ -5700,6 +5857,7 @@ Set the parameters, constant from now on.
 swb_stepper_set_params(stepper, p, np) =
     ccall(address(220), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
     ccall(address(223), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
+    ccall(address(224), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
 
 """
     swb_stepper_step(stepper) -> swb_status
@@ -5713,6 +5871,7 @@ Make one step of the length h of the options.
 """
 swb_stepper_step(stepper) = ccall(address(221), swb_status, (Ptr{swb_stepper},), stepper)
 swb_stepper_step(stepper) = ccall(address(224), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_step(stepper) = ccall(address(225), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_advance(stepper, t) -> swb_status
@@ -5724,6 +5883,7 @@ Make equal steps, not longer than h, that end at a time.
 """
 swb_stepper_advance(stepper, t) = ccall(address(222), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
 swb_stepper_advance(stepper, t) = ccall(address(225), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
+swb_stepper_advance(stepper, t) = ccall(address(226), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
 
 """
     swb_stepper_count(stepper, t, every, n) -> swb_status
@@ -5738,6 +5898,7 @@ How many states swb_stepper_run keeps.
 swb_stepper_count(stepper, t, every, n) =
     ccall(address(223), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
     ccall(address(226), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
+    ccall(address(227), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
 
 """
     swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) -> swb_status
@@ -5755,6 +5916,7 @@ Make equal steps, not longer than h, that end at a time, and keep states.
 swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) =
     ccall(address(224), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
     ccall(address(227), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(228), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), stepper, t, every, times, n_times, states, n_states, impulses, n_impulses)
 
 """
@@ -5771,6 +5933,7 @@ Sizes of a stepper.
 swb_stepper_sizes(stepper, nx, nu, np, n_contacts) =
     ccall(address(225), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
     ccall(address(228), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
+    ccall(address(229), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
         nu, np, n_contacts)
 
 """
@@ -5782,6 +5945,7 @@ Time reached.
 """
 swb_stepper_get_time(stepper, t) = ccall(address(226), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
 swb_stepper_get_time(stepper, t) = ccall(address(229), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
+swb_stepper_get_time(stepper, t) = ccall(address(230), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
 
 """
     swb_stepper_get_state(stepper, x, nx) -> swb_status
@@ -5794,6 +5958,7 @@ State reached.
 swb_stepper_get_state(stepper, x, nx) =
     ccall(address(227), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
     ccall(address(230), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
+    ccall(address(231), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
 
 """
     swb_stepper_get_impulses(stepper, impulses, n) -> swb_status
@@ -5806,6 +5971,7 @@ Impulses of the last step: impulses, not forces.
 swb_stepper_get_impulses(stepper, impulses, n) =
     ccall(address(228), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
     ccall(address(231), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
+    ccall(address(232), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
 
 """
     swb_stepper_get_stats(stepper, stats, struct_size) -> swb_status
@@ -5819,6 +5985,7 @@ Counts of the steps since the state was set, and how they went.
 swb_stepper_get_stats(stepper, stats, struct_size) =
     ccall(address(229), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
     ccall(address(232), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
+    ccall(address(233), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
 
 """
     swb_stepper_interrupt(stepper) -> swb_status
@@ -5830,6 +5997,7 @@ that step, and the object can be used again.
 """
 swb_stepper_interrupt(stepper) = ccall(address(230), swb_status, (Ptr{swb_stepper},), stepper)
 swb_stepper_interrupt(stepper) = ccall(address(233), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_interrupt(stepper) = ccall(address(234), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_free(stepper) -> Cvoid
@@ -5838,6 +6006,7 @@ Free; NULL is allowed.
 """
 swb_stepper_free(stepper) = ccall(address(231), Cvoid, (Ptr{swb_stepper},), stepper)
 swb_stepper_free(stepper) = ccall(address(234), Cvoid, (Ptr{swb_stepper},), stepper)
+swb_stepper_free(stepper) = ccall(address(235), Cvoid, (Ptr{swb_stepper},), stepper)
 
 """
     swb_batch_create(system, settings, out) -> swb_status
@@ -5853,6 +6022,7 @@ Create a batch.
 swb_batch_create(system, settings, out) =
     ccall(address(232), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
     ccall(address(235), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
+    ccall(address(236), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
         out)
 
 """
@@ -5871,6 +6041,7 @@ are those of single runs to the last bit, whatever the number of threads.
 swb_batch_run(batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads) =
     ccall(address(233), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
     ccall(address(236), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(237), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64, Int64), batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads)
 
 """
@@ -5882,6 +6053,7 @@ Number of runs of the last swb_batch_run; 0 before.
 """
 swb_batch_size(batch, n_runs) = ccall(address(234), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
 swb_batch_size(batch, n_runs) = ccall(address(237), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
+swb_batch_size(batch, n_runs) = ccall(address(238), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
 
 """
     swb_batch_states(batch, x, n) -> swb_status
@@ -5893,6 +6065,7 @@ Final states of all runs.
 """
 swb_batch_states(batch, x, n) = ccall(address(235), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
 swb_batch_states(batch, x, n) = ccall(address(238), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
+swb_batch_states(batch, x, n) = ccall(address(239), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
 
 """
     swb_batch_outcomes(batch, outcome, n) -> swb_status
@@ -5905,6 +6078,7 @@ How all runs ended.
 swb_batch_outcomes(batch, outcome, n) =
     ccall(address(236), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
     ccall(address(239), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
+    ccall(address(240), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
 
 """
     swb_batch_get_run(batch, index, out) -> swb_status
@@ -5918,6 +6092,7 @@ A copy of the result of one run.
 swb_batch_get_run(batch, index, out) =
     ccall(address(237), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
     ccall(address(240), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
+    ccall(address(241), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
 
 """
     swb_batch_interrupt(batch) -> swb_status
@@ -5930,6 +6105,7 @@ finished its step.
 """
 swb_batch_interrupt(batch) = ccall(address(238), swb_status, (Ptr{swb_batch},), batch)
 swb_batch_interrupt(batch) = ccall(address(241), swb_status, (Ptr{swb_batch},), batch)
+swb_batch_interrupt(batch) = ccall(address(242), swb_status, (Ptr{swb_batch},), batch)
 
 """
     swb_batch_free(batch) -> Cvoid
@@ -5938,6 +6114,7 @@ Free; NULL is allowed.
 """
 swb_batch_free(batch) = ccall(address(239), Cvoid, (Ptr{swb_batch},), batch)
 swb_batch_free(batch) = ccall(address(242), Cvoid, (Ptr{swb_batch},), batch)
+swb_batch_free(batch) = ccall(address(243), Cvoid, (Ptr{swb_batch},), batch)
 
 """
     swb_mhe_options_init(options, struct_size) -> swb_status
@@ -5951,6 +6128,7 @@ Set the defaults of the options of an estimator.
 swb_mhe_options_init(options, struct_size) =
     ccall(address(240), swb_status, (Ptr{swb_mhe_options}, UInt64), options, struct_size)
     ccall(address(243), swb_status, (Ptr{swb_mhe_options}, UInt64), options, struct_size)
+    ccall(address(244), swb_status, (Ptr{swb_mhe_options}, UInt64), options, struct_size)
 
 """
     swb_mhe_create(ocp, measured, initial, n_initial, process, n_process, measurement, n_measurement, options, out) -> swb_status
@@ -5973,6 +6151,7 @@ is taken here, but for logs of switches. Constant parameters are estimated as st
 swb_mhe_create(ocp, measured, initial, n_initial, process, n_process, measurement, n_measurement, options, out) =
     ccall(address(241), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
     ccall(address(244), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(245), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64, Ptr{swb_mhe_options}, Ptr{Ptr{swb_mhe}}), ocp, measured, initial, n_initial, process,
         n_process, measurement, n_measurement, options, out)
 
@@ -5991,6 +6170,7 @@ Sizes of an estimator.
 swb_mhe_sizes(c, n, nx, nu, ny, nw) =
     ccall(address(242), swb_status, (Ptr{swb_mhe}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c,
     ccall(address(245), swb_status, (Ptr{swb_mhe}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c,
+    ccall(address(246), swb_status, (Ptr{swb_mhe}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c,
         n, nx, nu, ny, nw)
 
 """
@@ -6007,6 +6187,7 @@ Go to the next sample under a control, and do everything for it that needs no me
 swb_mhe_prepare(c, u, nu, info, struct_size) =
     ccall(address(243), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c, u, nu, info,
     ccall(address(246), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c, u, nu, info,
+    ccall(address(247), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c, u, nu, info,
         struct_size)
 
 """
@@ -6025,6 +6206,7 @@ SWB_NMPC_SOURCE_PLAN: functions have no value at the estimate.
 swb_mhe_estimate(c, y, ny, x, nx, info, struct_size) =
     ccall(address(244), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
     ccall(address(247), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
+    ccall(address(248), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
         UInt64), c, y, ny, x, nx, info, struct_size)
 
 """
@@ -6037,6 +6219,7 @@ Set the parameters from the next preparation on; samples that were keep theirs.
 """
 swb_mhe_set_params(c, p, np) = ccall(address(245), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, np)
 swb_mhe_set_params(c, p, np) = ccall(address(248), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, np)
+swb_mhe_set_params(c, p, np) = ccall(address(249), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, np)
 
 """
     swb_mhe_reset(c, x0, nx) -> swb_status
@@ -6067,6 +6250,7 @@ estimator is afterwards as after swb_mhe_reset with the initial state.
 swb_mhe_write_c(c, folder, prefix, precision) =
     ccall(address(247), swb_status, (Ptr{swb_mhe}, Cstring, Cstring, Int64), c, folder, prefix, precision)
 swb_mhe_reset(c, x0, nx) = ccall(address(249), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, x0, nx)
+swb_mhe_reset(c, x0, nx) = ccall(address(250), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, x0, nx)
 
 """
     swb_mhe_get_window(c, x, n_x, w, n_w, filled) -> swb_status
@@ -6081,6 +6265,7 @@ The window: states of its nodes, the last sample at the end, and noise of its st
 swb_mhe_get_window(c, x, n_x, w, n_w, filled) =
     ccall(address(248), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x, n_x,
     ccall(address(250), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x, n_x,
+    ccall(address(251), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x, n_x,
         w, n_w, filled)
 
 """
@@ -6093,6 +6278,7 @@ The covariance of the last state by the linearisation of the last program, witho
 """
 swb_mhe_get_covariance(c, p, n) = ccall(address(249), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, n)
 swb_mhe_get_covariance(c, p, n) = ccall(address(251), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, n)
+swb_mhe_get_covariance(c, p, n) = ccall(address(252), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_mhe_interrupt(c) -> swb_status
@@ -6103,6 +6289,7 @@ End the call that runs: from any thread or signal handler.
 """
 swb_mhe_interrupt(c) = ccall(address(250), swb_status, (Ptr{swb_mhe},), c)
 swb_mhe_interrupt(c) = ccall(address(252), swb_status, (Ptr{swb_mhe},), c)
+swb_mhe_interrupt(c) = ccall(address(253), swb_status, (Ptr{swb_mhe},), c)
 
 """
     swb_mhe_free(c) -> Cvoid
@@ -6111,6 +6298,7 @@ Free; NULL is allowed.
 """
 swb_mhe_free(c) = ccall(address(251), Cvoid, (Ptr{swb_mhe},), c)
 swb_mhe_free(c) = ccall(address(253), Cvoid, (Ptr{swb_mhe},), c)
+swb_mhe_free(c) = ccall(address(254), Cvoid, (Ptr{swb_mhe},), c)
 
 """
     swb_nmpc_options_init(options, struct_size) -> swb_status
@@ -6124,6 +6312,7 @@ Set the defaults of the options of a controller.
 swb_nmpc_options_init(options, struct_size) =
     ccall(address(252), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
     ccall(address(254), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
+    ccall(address(255), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
 
 """
     swb_nmpc_create(ocp, options, out) -> swb_status
@@ -6142,6 +6331,7 @@ every scheme but SWB_NMPC_SCHEME_MLI.
 swb_nmpc_create(ocp, options, out) =
     ccall(address(253), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
     ccall(address(255), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
+    ccall(address(256), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
 
 """
     swb_nmpc_sizes(c, n, nx, nu) -> swb_status
@@ -6156,6 +6346,7 @@ Sizes of a controller.
 swb_nmpc_sizes(c, n, nx, nu) =
     ccall(address(254), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
     ccall(address(256), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
+    ccall(address(257), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
 
 """
     swb_nmpc_initialise(c, x0, nx, max_iter, iterations) -> swb_status
@@ -6171,6 +6362,7 @@ Solve the problem for an initial state to convergence, from the present iterate:
 swb_nmpc_initialise(c, x0, nx, max_iter, iterations) =
     ccall(address(255), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
     ccall(address(257), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
+    ccall(address(258), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
         iterations)
 
 """
@@ -6188,6 +6380,7 @@ sample before is used further, which is no failure.
 swb_nmpc_prepare(c, x_predicted, nx, info, struct_size) =
     ccall(address(256), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
     ccall(address(258), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
+    ccall(address(259), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
         x_predicted, nx, info, struct_size)
 
 """
@@ -6205,6 +6398,7 @@ made before the call returns.
 swb_nmpc_prepare_async(c, x_predicted, nx, started) =
     ccall(address(257), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
     ccall(address(259), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
+    ccall(address(260), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
 
 """
     swb_nmpc_wait(c, info, struct_size) -> swb_status
@@ -6218,6 +6412,7 @@ Wait for the preparation that swb_nmpc_prepare_async has begun.
 swb_nmpc_wait(c, info, struct_size) =
     ccall(address(258), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
     ccall(address(260), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
+    ccall(address(261), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
 
 """
     swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) -> swb_status
@@ -6235,6 +6430,7 @@ most half of the deadline; then the control is that of the last plan and its fee
 swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) =
     ccall(address(259), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
     ccall(address(261), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
+    ccall(address(262), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
         UInt64), c, x, nx, u0, nu, info, struct_size)
 
 """
@@ -6247,6 +6443,7 @@ other call does it where it is needed.
 """
 swb_nmpc_finish(c) = ccall(address(260), swb_status, (Ptr{swb_nmpc},), c)
 swb_nmpc_finish(c) = ccall(address(262), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_finish(c) = ccall(address(263), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_set_params(c, p, n) -> swb_status
@@ -6260,6 +6457,7 @@ that switch they count from the next preparation on.
 """
 swb_nmpc_set_params(c, p, n) = ccall(address(261), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
 swb_nmpc_set_params(c, p, n) = ccall(address(263), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
+swb_nmpc_set_params(c, p, n) = ccall(address(264), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_nmpc_set_references(c, term, y, n) -> swb_status
@@ -6274,6 +6472,7 @@ Set the references of a least-squares term. Between a preparation and its feedba
 swb_nmpc_set_references(c, term, y, n) =
     ccall(address(262), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
     ccall(address(264), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
+    ccall(address(265), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
 
 """
     swb_nmpc_set_time(c, t0) -> swb_status
@@ -6284,6 +6483,7 @@ Set the time of the first node, from the next preparation on.
 """
 swb_nmpc_set_time(c, t0) = ccall(address(263), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
 swb_nmpc_set_time(c, t0) = ccall(address(265), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
+swb_nmpc_set_time(c, t0) = ccall(address(266), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
 
 """
     swb_nmpc_set_weights(c, term, w, n_w) -> swb_status
@@ -6296,6 +6496,7 @@ Set the weights of a least-squares term, in the order they were added to the pro
 swb_nmpc_set_weights(c, term, w, n_w) =
     ccall(address(264), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, w, n_w)
     ccall(address(266), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, w, n_w)
+    ccall(address(267), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, w, n_w)
 
 """
     swb_nmpc_set_control_bounds(c, lower, upper, nu) -> swb_status
@@ -6309,6 +6510,7 @@ Set the bounds of the controls, infinite for none. Between a preparation and its
 swb_nmpc_set_control_bounds(c, lower, upper, nu) =
     ccall(address(265), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nu)
     ccall(address(267), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nu)
+    ccall(address(268), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nu)
 
 """
     swb_nmpc_set_state_bounds(c, lower, upper, nx) -> swb_status
@@ -6323,6 +6525,7 @@ Set the bounds of the states that have a derivative, infinite for none. Between 
 swb_nmpc_set_state_bounds(c, lower, upper, nx) =
     ccall(address(266), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nx)
     ccall(address(268), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nx)
+    ccall(address(269), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nx)
 
 """
     swb_nmpc_get_objective(c, value) -> swb_status
@@ -6334,6 +6537,7 @@ The cost of the plan with the prices of its violations, summed over the nodes as
 """
 swb_nmpc_get_objective(c, value) = ccall(address(267), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}), c, value)
 swb_nmpc_get_objective(c, value) = ccall(address(269), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}), c, value)
+swb_nmpc_get_objective(c, value) = ccall(address(270), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}), c, value)
 
 """
     swb_nmpc_get_gain(c, k, n) -> swb_status
@@ -6345,6 +6549,7 @@ The feedback gain of the first stage where no constraint is active: u = u_0 + K 
 """
 swb_nmpc_get_gain(c, k, n) = ccall(address(268), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, k, n)
 swb_nmpc_get_gain(c, k, n) = ccall(address(270), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, k, n)
+swb_nmpc_get_gain(c, k, n) = ccall(address(271), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, k, n)
 
 """
     swb_nmpc_count_rows(c, rows) -> swb_status
@@ -6356,6 +6561,7 @@ Rows of constraints of the program: bounds of states and constraints, node by no
 """
 swb_nmpc_count_rows(c, rows) = ccall(address(269), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}), c, rows)
 swb_nmpc_count_rows(c, rows) = ccall(address(271), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}), c, rows)
+swb_nmpc_count_rows(c, rows) = ccall(address(272), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}), c, rows)
 
 """
     swb_nmpc_get_multipliers(c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes) -> swb_status
@@ -6371,6 +6577,7 @@ Multipliers of the plan: positive at upper, negative at lower bounds.
 swb_nmpc_get_multipliers(c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes) =
     ccall(address(270), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
     ccall(address(272), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(273), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Int64}, Int64), c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes)
 
 """
@@ -6382,6 +6589,7 @@ Set the seconds a feedback may take.
 """
 swb_nmpc_set_deadline(c, seconds) = ccall(address(271), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
 swb_nmpc_set_deadline(c, seconds) = ccall(address(273), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
+swb_nmpc_set_deadline(c, seconds) = ccall(address(274), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
 
 """
     swb_nmpc_set_iterate(c, x, n_x, u, n_u) -> swb_status
@@ -6395,6 +6603,7 @@ Set the iterate; its multipliers are zero.
 swb_nmpc_set_iterate(c, x, n_x, u, n_u) =
     ccall(address(272), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
     ccall(address(274), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(275), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_write_c(c, folder, prefix, precision) -> swb_status
@@ -6417,6 +6626,7 @@ recorded here; this controller is afterwards as after swb_nmpc_set_iterate with 
 swb_nmpc_write_c(c, folder, prefix, precision) =
     ccall(address(273), swb_status, (Ptr{swb_nmpc}, Cstring, Cstring, Int64), c, folder, prefix, precision)
     ccall(address(275), swb_status, (Ptr{swb_nmpc}, Cstring, Cstring, Int64), c, folder, prefix, precision)
+    ccall(address(276), swb_status, (Ptr{swb_nmpc}, Cstring, Cstring, Int64), c, folder, prefix, precision)
 
 """
     swb_nmpc_reset(c) -> swb_status
@@ -6427,6 +6637,7 @@ Back to the start: the guess of the problem, no multipliers, nothing measured, m
 """
 swb_nmpc_reset(c) = ccall(address(274), swb_status, (Ptr{swb_nmpc},), c)
 swb_nmpc_reset(c) = ccall(address(276), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_reset(c) = ccall(address(277), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_get_plan(c, x, n_x, u, n_u) -> swb_status
@@ -6440,6 +6651,7 @@ The plan from the last sample on.
 swb_nmpc_get_plan(c, x, n_x, u, n_u) =
     ccall(address(275), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
     ccall(address(277), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(278), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_get_monitor(c, monitor, struct_size) -> swb_status
@@ -6453,6 +6665,7 @@ How the controller is doing.
 swb_nmpc_get_monitor(c, monitor, struct_size) =
     ccall(address(276), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
     ccall(address(278), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
+    ccall(address(279), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
 
 """
     swb_nmpc_interrupt(c) -> swb_status
@@ -6463,6 +6676,7 @@ End the call that runs: from any thread or signal handler. A preparation that is
 """
 swb_nmpc_interrupt(c) = ccall(address(277), swb_status, (Ptr{swb_nmpc},), c)
 swb_nmpc_interrupt(c) = ccall(address(279), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_interrupt(c) = ccall(address(280), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_free(c) -> Cvoid
@@ -6471,6 +6685,7 @@ Free; NULL is allowed.
 """
 swb_nmpc_free(c) = ccall(address(278), Cvoid, (Ptr{swb_nmpc},), c)
 swb_nmpc_free(c) = ccall(address(280), Cvoid, (Ptr{swb_nmpc},), c)
+swb_nmpc_free(c) = ccall(address(281), Cvoid, (Ptr{swb_nmpc},), c)
 
 """
     swb_ocp_create(system, horizon, n_stages, settings, out) -> swb_status
@@ -6490,6 +6705,7 @@ SWB_ERR_STATE.
 swb_ocp_create(system, horizon, n_stages, settings, out) =
     ccall(address(279), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
     ccall(address(281), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
+    ccall(address(282), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
         horizon, n_stages, settings, out)
 
 """
@@ -6504,6 +6720,7 @@ controls that are constant by stage, and parameters. A program has a variable in
 """
 swb_ocp_set_lagrange(ocp, f) = ccall(address(280), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 swb_ocp_set_lagrange(ocp, f) = ccall(address(282), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_lagrange(ocp, f) = ccall(address(283), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_set_mayer(ocp, f) -> swb_status
@@ -6515,6 +6732,7 @@ states, too.
 """
 swb_ocp_set_mayer(ocp, f) = ccall(address(281), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 swb_ocp_set_mayer(ocp, f) = ccall(address(283), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_mayer(ocp, f) = ccall(address(284), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) -> swb_status
@@ -6529,6 +6747,7 @@ Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.
 swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) =
     ccall(address(282), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
     ccall(address(284), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, lower, n_lower, upper, n_upper, at)
 
 """
@@ -6544,6 +6763,7 @@ last stage.
 swb_ocp_add_terminal(ocp, f, lower, n_lower, upper, n_upper) =
     ccall(address(283), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
     ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -6558,6 +6778,7 @@ Set bounds of the states at all stage points and element ends after the initial 
 swb_ocp_set_state_bounds(ocp, lower, n_lower, upper, n_upper) =
     ccall(address(284), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
     ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6572,6 +6793,7 @@ Set bounds of the initial state; equal bounds fix it.
 swb_ocp_set_initial_bounds(ocp, lower, n_lower, upper, n_upper) =
     ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
     ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6585,6 +6807,7 @@ Fix the initial state.
 swb_ocp_set_initial_state(ocp, x0, nx) =
     ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
     ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
+    ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
 
 """
     swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -6598,6 +6821,7 @@ Set bounds of the controls.
 swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) =
     ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
     ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(290), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6615,6 +6839,7 @@ bounds is better known to you.
 swb_ocp_set_nominal(ocp, x, n_x, u, n_u, p, n_p) =
     ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
     ccall(address(290), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, x, n_x, u, n_u, p, n_p)
 
 """
@@ -6627,6 +6852,7 @@ Set the parameters.
 """
 swb_ocp_set_params(ocp, p, np) = ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
 swb_ocp_set_params(ocp, p, np) = ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
+swb_ocp_set_params(ocp, p, np) = ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
 
 """
     swb_ocp_set_initial_time(ocp, t0) -> swb_status
@@ -6637,6 +6863,7 @@ Set the initial time.
 """
 swb_ocp_set_initial_time(ocp, t0) = ccall(address(290), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
 swb_ocp_set_initial_time(ocp, t0) = ccall(address(292), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
+swb_ocp_set_initial_time(ocp, t0) = ccall(address(293), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
 
 """
     swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) -> swb_status
@@ -6650,6 +6877,7 @@ Give states to start from, linear in between.
 swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) =
     ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
     ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
+    ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
         x, n_x)
 
 """
@@ -6663,6 +6891,7 @@ Give controls to start from.
 swb_ocp_set_control_guess(ocp, u, n_u) =
     ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
     ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_solve(ocp, outcome) -> swb_status
@@ -6676,6 +6905,7 @@ Solve. The problem is discretised at the first solve, and again only when its st
 """
 swb_ocp_solve(ocp, outcome) = ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 swb_ocp_solve(ocp, outcome) = ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve(ocp, outcome) = ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_outcome(ocp, outcome) -> swb_status
@@ -6687,6 +6917,7 @@ How the last solve ended.
 """
 swb_ocp_get_outcome(ocp, outcome) = ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 swb_ocp_get_outcome(ocp, outcome) = ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_get_outcome(ocp, outcome) = ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_polished(ocp, polished) -> swb_status
@@ -6698,6 +6929,7 @@ Outcome of the polish, which identifies the active set and solves the problem wi
 """
 swb_ocp_get_polished(ocp, polished) = ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
 swb_ocp_get_polished(ocp, polished) = ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
+swb_ocp_get_polished(ocp, polished) = ccall(address(298), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
 
 """
     swb_ocp_get_cost(ocp, cost) -> swb_status
@@ -6710,6 +6942,7 @@ another point costs says nothing about the problem (swb_ocp_get_cost_reached).
 """
 swb_ocp_get_cost(ocp, cost) = ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 swb_ocp_get_cost(ocp, cost) = ccall(address(298), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost(ocp, cost) = ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_cost_reached(ocp, cost) -> swb_status
@@ -6722,6 +6955,7 @@ solve was stopped before it was known.
 """
 swb_ocp_get_cost_reached(ocp, cost) = ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 swb_ocp_get_cost_reached(ocp, cost) = ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost_reached(ocp, cost) = ccall(address(300), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_controls(ocp, u, n_u) -> swb_status
@@ -6733,6 +6967,7 @@ Controls.
 """
 swb_ocp_get_controls(ocp, u, n_u) = ccall(address(298), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 swb_ocp_get_controls(ocp, u, n_u) = ccall(address(300), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+swb_ocp_get_controls(ocp, u, n_u) = ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) -> swb_status
@@ -6754,6 +6989,7 @@ each.
 swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) =
     ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
     ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
+    ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
         n_cost, u, n_u, one_sided)
 
 """
@@ -6768,6 +7004,7 @@ Residuals of the last solve.
 swb_ocp_get_residuals(ocp, residuals, struct_size) =
     ccall(address(300), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
     ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
+    ccall(address(303), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
 
 """
     swb_ocp_get_stats(ocp, stats, struct_size) -> swb_status
@@ -6781,6 +7018,7 @@ Work and time of the last solve.
 swb_ocp_get_stats(ocp, stats, struct_size) =
     ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
     ccall(address(303), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
+    ccall(address(304), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
 
 """
     swb_ocp_get_trajectory(ocp, out) -> swb_status
@@ -6792,6 +7030,7 @@ A copy of the trajectory of the last solve.
 """
 swb_ocp_get_trajectory(ocp, out) = ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
 swb_ocp_get_trajectory(ocp, out) = ccall(address(304), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
+swb_ocp_get_trajectory(ocp, out) = ccall(address(305), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
 
 """
     swb_ocp_set_int(ocp, name, value) -> swb_status
@@ -6802,6 +7041,7 @@ Set an integer or enumeration option of an optimal control problem (or a float o
 """
 swb_ocp_set_int(ocp, name, value) = ccall(address(303), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
 swb_ocp_set_int(ocp, name, value) = ccall(address(305), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
+swb_ocp_set_int(ocp, name, value) = ccall(address(306), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
 
 """
     swb_ocp_set_double(ocp, name, value) -> swb_status
@@ -6813,6 +7053,7 @@ Set a float option of an optimal control problem by name.
 swb_ocp_set_double(ocp, name, value) =
     ccall(address(304), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
     ccall(address(306), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
+    ccall(address(307), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
 
 """
     swb_ocp_set_string(ocp, name, value) -> swb_status
@@ -6824,6 +7065,7 @@ Set any option of an optimal control problem by name from text: a number, or the
 swb_ocp_set_string(ocp, name, value) =
     ccall(address(305), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
     ccall(address(307), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
+    ccall(address(308), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
 
 """
     swb_ocp_set_settings(ocp, settings) -> swb_status
@@ -6835,6 +7077,7 @@ Set all options of an optimal control problem.
 """
 swb_ocp_set_settings(ocp, settings) = ccall(address(306), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
 swb_ocp_set_settings(ocp, settings) = ccall(address(308), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
+swb_ocp_set_settings(ocp, settings) = ccall(address(309), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
 
 """
     swb_ocp_get_settings(ocp, settings, struct_size) -> swb_status
@@ -6848,6 +7091,7 @@ Options of an optimal control problem, all of them.
 swb_ocp_get_settings(ocp, settings, struct_size) =
     ccall(address(307), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
     ccall(address(309), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
+    ccall(address(310), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
 
 """
     swb_ocp_set_iteration(ocp, iteration, user_data) -> swb_status
@@ -6860,6 +7104,7 @@ Set who is called once per iteration; NULL for nobody.
 swb_ocp_set_iteration(ocp, iteration, user_data) =
     ccall(address(308), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
     ccall(address(310), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
+    ccall(address(311), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
 
 """
     swb_ocp_set_log(ocp, log, user_data) -> swb_status
@@ -6872,6 +7117,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 swb_ocp_set_log(ocp, log, user_data) =
     ccall(address(309), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
     ccall(address(311), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
+    ccall(address(312), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
 
 """
     swb_ocp_interrupt(ocp) -> swb_status
@@ -6888,6 +7134,7 @@ calls in the same places.
 """
 swb_ocp_interrupt(ocp) = ccall(address(310), swb_status, (Ptr{swb_ocp},), ocp)
 swb_ocp_interrupt(ocp) = ccall(address(312), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_interrupt(ocp) = ccall(address(313), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_free(ocp) -> Cvoid
@@ -6896,6 +7143,7 @@ Free; NULL is allowed.
 """
 swb_ocp_free(ocp) = ccall(address(311), Cvoid, (Ptr{swb_ocp},), ocp)
 swb_ocp_free(ocp) = ccall(address(313), Cvoid, (Ptr{swb_ocp},), ocp)
+swb_ocp_free(ocp) = ccall(address(314), Cvoid, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_sizes(ocp, nx, nu, np, n_stages) -> swb_status
@@ -6911,6 +7159,7 @@ Sizes of an optimal control problem.
 swb_ocp_sizes(ocp, nx, nu, np, n_stages) =
     ccall(address(312), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
     ccall(address(314), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
+    ccall(address(315), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
         n_stages)
 
 """
@@ -6926,6 +7175,7 @@ accuracy_tol.
 swb_ocp_get_accuracy(ocp, accuracy, struct_size) =
     ccall(address(313), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
     ccall(address(315), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
+    ccall(address(316), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
 
 """
     swb_ocp_get_certificate(ocp, certificate, struct_size) -> swb_status
@@ -6940,6 +7190,7 @@ unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
 swb_ocp_get_certificate(ocp, certificate, struct_size) =
     ccall(address(314), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
     ccall(address(316), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
+    ccall(address(317), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
 
 """
     swb_ocp_get_mismatch(ocp, stages, n_stages) -> swb_status
@@ -6952,6 +7203,7 @@ Largest difference between a state of the last solution and of the simulation at
 swb_ocp_get_mismatch(ocp, stages, n_stages) =
     ccall(address(315), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
     ccall(address(317), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
+    ccall(address(318), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
 
 """
     swb_ocp_get_message(ocp, buf, len, needed) -> swb_status
@@ -6968,6 +7220,7 @@ counted from zero. Empty where there is nothing to say. After a solve that retur
 swb_ocp_get_message(ocp, buf, len, needed) =
     ccall(address(316), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
     ccall(address(318), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(319), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_count_multipliers(ocp, of, n) -> swb_status
@@ -6980,6 +7233,7 @@ Constraints of a kind that multipliers belong to; 1 for what is no list.
 """
 swb_ocp_count_multipliers(ocp, of, n) = ccall(address(317), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
 swb_ocp_count_multipliers(ocp, of, n) = ccall(address(319), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
+swb_ocp_count_multipliers(ocp, of, n) = ccall(address(320), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
 
 """
     swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) -> swb_status
@@ -6995,6 +7249,7 @@ Sizes of the multipliers of the last solution.
 swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) =
     ccall(address(318), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
     ccall(address(320), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
+    ccall(address(321), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
         width)
 
 """
@@ -7013,6 +7268,7 @@ transitions or contacts, and of several phases.
 swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) =
     ccall(address(319), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
     ccall(address(321), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
+    ccall(address(322), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
         index, times, n_times, values, n_values)
 
 """
@@ -7022,6 +7278,7 @@ Name of an enum swb_verdict, such as \"kink\"; NULL for any other number. Static
 """
 swb_verdict_name(verdict) = ccall(address(320), Cstring, (Int32,), verdict)
 swb_verdict_name(verdict) = ccall(address(322), Cstring, (Int32,), verdict)
+swb_verdict_name(verdict) = ccall(address(323), Cstring, (Int32,), verdict)
 
 """
     swb_ocp_get_optimality(ocp, optimality, struct_size) -> swb_status
@@ -7036,6 +7293,7 @@ multipliers of its constraints decide, independently of the discretisation.
 swb_ocp_get_optimality(ocp, optimality, struct_size) =
     ccall(address(321), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
     ccall(address(323), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
+    ccall(address(324), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
 
 """
     swb_ocp_get_kink(ocp, index, kink, struct_size) -> swb_status
@@ -7050,6 +7308,7 @@ A switch of the last solution that lies between two control stages.
 swb_ocp_get_kink(ocp, index, kink, struct_size) =
     ccall(address(322), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
     ccall(address(324), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
+    ccall(address(325), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
 
 """
     swb_ocp_get_reduced_gradient(ocp, gradient, n) -> swb_status
@@ -7064,6 +7323,7 @@ verdict is SWB_VERDICT_UNKNOWN for want of a simulation.
 swb_ocp_get_reduced_gradient(ocp, gradient, n) =
     ccall(address(323), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
     ccall(address(325), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
+    ccall(address(326), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
 
 """
     swb_ocp_get_descent(ocp, direction, n) -> swb_status
@@ -7078,6 +7338,7 @@ where controls are linear.
 swb_ocp_get_descent(ocp, direction, n) =
     ccall(address(324), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
     ccall(address(326), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
+    ccall(address(327), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
 
 """
     swb_ocp_get_optimality_reason(ocp, buf, len, needed) -> swb_status
@@ -7091,6 +7352,7 @@ Why it is not known whether the last solution is optimal; empty where it is.
 swb_ocp_get_optimality_reason(ocp, buf, len, needed) =
     ccall(address(325), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
     ccall(address(327), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(328), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_create_scene(scene, horizon, n_stages, settings, out) -> swb_status
@@ -7108,6 +7370,7 @@ coordinates, then velocities, then what else it has; horizon, control grid and c
 swb_ocp_create_scene(scene, horizon, n_stages, settings, out) =
     ccall(address(326), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
     ccall(address(328), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
+    ccall(address(329), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
         horizon, n_stages, settings, out)
 
 """
@@ -7120,6 +7383,7 @@ Set how contact modes and impacts of a scene are found. Other systems do not loo
 """
 swb_ocp_set_jumps(ocp, jumps) = ccall(address(327), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
 swb_ocp_set_jumps(ocp, jumps) = ccall(address(329), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
+swb_ocp_set_jumps(ocp, jumps) = ccall(address(330), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
 
 """
     swb_ocp_get_contacts(ocp, n_contacts, n_impacts) -> swb_status
@@ -7133,6 +7397,7 @@ Sizes of what the contacts of an answer do.
 swb_ocp_get_contacts(ocp, n_contacts, n_impacts) =
     ccall(address(328), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
     ccall(address(330), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
+    ccall(address(331), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
 
 """
     swb_ocp_impacts(ocp, impacts, n, struct_size) -> swb_status
@@ -7146,6 +7411,7 @@ The impacts of an answer in the order they happen. Their depth is NaN: it is not
 swb_ocp_impacts(ocp, impacts, n, struct_size) =
     ccall(address(329), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
     ccall(address(331), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
+    ccall(address(332), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
 
 """
     swb_ocp_contact_modes(ocp, t, n_t, modes, n) -> swb_status
@@ -7160,6 +7426,7 @@ Modes of the contacts of an answer at times.
 swb_ocp_contact_modes(ocp, t, n_t, modes, n) =
     ccall(address(330), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
     ccall(address(332), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
+    ccall(address(333), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
 
 """
     swb_ocp_contact_forces(ocp, t, n_t, forces, n) -> swb_status
@@ -7174,6 +7441,7 @@ Forces of the contacts of an answer at times: forces, not impulses.
 swb_ocp_contact_forces(ocp, t, n_t, forces, n) =
     ccall(address(331), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
     ccall(address(333), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
+    ccall(address(334), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
         n)
 
 """
@@ -7189,6 +7457,7 @@ every contact, the recommended one, how long a jump takes, warnings.
 swb_ocp_freezing_report(ocp, buf, len, needed) =
     ccall(address(332), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
     ccall(address(334), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(335), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) -> swb_status
@@ -7203,6 +7472,7 @@ Sizes of the mode sequence of the last solution: a phase for every finite elemen
 swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) =
     ccall(address(333), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
     ccall(address(335), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
+    ccall(address(336), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
         n_cells)
 
 """
@@ -7219,6 +7489,7 @@ Mode sequence of the last solution.
 swb_ocp_get_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
     ccall(address(334), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
     ccall(address(336), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(337), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -7238,6 +7509,7 @@ motions with this order count, and the times say nothing.
 swb_ocp_set_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
     ccall(address(335), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
     ccall(address(337), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(338), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -7255,6 +7527,7 @@ Transitions of the last solution as a part of its mode sequence: see swb_ocp_set
 swb_ocp_get_mode_transitions(ocp, t, transition, stage, at_once, n) =
     ccall(address(336), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
     ccall(address(338), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
+    ccall(address(339), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
         transition, stage, at_once, n)
 
 """
@@ -7273,6 +7546,7 @@ stages, and no others, unless that has no solution. Without this call after swb_
 swb_ocp_set_mode_transitions(ocp, t, transition, stage, at_once, n) =
     ccall(address(337), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
     ccall(address(339), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
+    ccall(address(340), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
         transition, stage, at_once, n)
 
 """
@@ -7287,6 +7561,7 @@ the bounds of the controls.
 swb_ocp_random_starts(ocp, seed, u, n_u) =
     ccall(address(338), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
     ccall(address(340), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
+    ccall(address(341), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
 
 """
     swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) -> swb_status
@@ -7309,6 +7584,7 @@ starts; so does swb_ocp_interrupt.
 swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
     ccall(address(339), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
     ccall(address(341), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
+    ccall(address(342), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
         best)
 
 """
@@ -7326,6 +7602,7 @@ Results of the starts of the last swb_ocp_solve_starts.
 swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) =
     ccall(address(340), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
     ccall(address(342), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
+    ccall(address(343), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
         Int64), ocp, start, outcome, polished, cost, u, n_u)
 
 """
@@ -7341,6 +7618,7 @@ How the grid of the last solve was adapted (option adapt_tol).
 swb_ocp_get_adaptation(ocp, n_rounds, kept, reached) =
     ccall(address(341), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
     ccall(address(343), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
+    ccall(address(344), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
         reached)
 
 """
@@ -7360,6 +7638,7 @@ One solve on the way to an adapted grid.
 swb_ocp_get_round(ocp, round, elements, n_elements, n_variables, iterations, error, cost) =
     ccall(address(342), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
     ccall(address(344), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
+    ccall(address(345), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
         Ptr{Cdouble}), ocp, round, elements, n_elements, n_variables, iterations, error, cost)
 
 """
@@ -7375,6 +7654,7 @@ control and time of the end.
 swb_ocp_add_boundary(ocp, f, lower, n_lower, upper, n_upper) =
     ccall(address(343), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
     ccall(address(345), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(346), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -7388,6 +7668,7 @@ Require that states have the same values at both ends of the horizon.
 swb_ocp_add_periodic(ocp, states, n_states) =
     ccall(address(344), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
     ccall(address(346), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
+    ccall(address(347), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
 
 """
     swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) -> swb_status
@@ -7402,6 +7683,7 @@ Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the cont
 swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) =
     ccall(address(345), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
     ccall(address(347), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(348), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, weights, n_weights, references, n_references, at)
 
 """
@@ -7416,6 +7698,7 @@ Change the references of a least-squares term.
 swb_ocp_set_references(ocp, term, references, n_references) =
     ccall(address(346), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
     ccall(address(348), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
+    ccall(address(349), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
 
 """
     swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) -> swb_status
@@ -7432,6 +7715,7 @@ without it; see swb_ocp_get_violation.
 swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) =
     ccall(address(347), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
     ccall(address(349), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(350), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32, Int32, Cdouble), ocp, f, lower, n_lower, upper, n_upper, at, norm, weight)
 
 """
@@ -7448,6 +7732,7 @@ is zero. Pairs of controls alone belong to the control grid; elsewhere they woul
 swb_ocp_add_complementarity(ocp, a, b, at) =
     ccall(address(348), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
     ccall(address(350), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
+    ccall(address(351), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
 
 """
     swb_ocp_set_elements(ocp, n_fe, n) -> swb_status
@@ -7459,6 +7744,7 @@ Set the number of finite elements of every control stage; without it all have as
 """
 swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(349), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(351), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
+swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(352), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 
 """
     swb_ocp_set_durations(ocp, durations, n) -> swb_status
@@ -7471,6 +7757,7 @@ Set the lengths of the control stages; where they are free, those to start from.
 swb_ocp_set_durations(ocp, durations, n) =
     ccall(address(350), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
     ccall(address(352), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(353), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_set_free_time(ocp, what, lower, upper) -> swb_status
@@ -7485,6 +7772,7 @@ Let the optimiser choose lengths.
 swb_ocp_set_free_time(ocp, what, lower, upper) =
     ccall(address(351), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
     ccall(address(353), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
+    ccall(address(354), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
 
 """
     swb_ocp_add_horizon(ocp, lower, upper) -> swb_status
@@ -7496,6 +7784,7 @@ Bound the length of the horizon where those of the stages are free; after swb_oc
 swb_ocp_add_horizon(ocp, lower, upper) =
     ccall(address(352), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
     ccall(address(354), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
+    ccall(address(355), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
 
 """
     swb_ocp_set_linear_controls(ocp, linear, nu) -> swb_status
@@ -7508,6 +7797,7 @@ Make controls continuous and linear on every stage; the others stay constant.
 swb_ocp_set_linear_controls(ocp, linear, nu) =
     ccall(address(353), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
     ccall(address(355), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
+    ccall(address(356), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
 
 """
     swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -7522,6 +7812,7 @@ the others keep those values.
 swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) =
     ccall(address(354), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
     ccall(address(356), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(357), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7535,6 +7826,7 @@ Set parameters that change from control stage to control stage.
 swb_ocp_set_stage_params(ocp, p, n_p) =
     ccall(address(355), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
     ccall(address(357), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+    ccall(address(358), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_solve_warm(ocp, outcome) -> swb_status
@@ -7546,6 +7838,7 @@ Solve from the last solution: after small changes its active set is tried first.
 """
 swb_ocp_solve_warm(ocp, outcome) = ccall(address(356), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 swb_ocp_solve_warm(ocp, outcome) = ccall(address(358), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve_warm(ocp, outcome) = ccall(address(359), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_shift(ocp) -> swb_status
@@ -7557,6 +7850,7 @@ initial state that is set by then, and starts from its modes and switching times
 """
 swb_ocp_shift(ocp) = ccall(address(357), swb_status, (Ptr{swb_ocp},), ocp)
 swb_ocp_shift(ocp) = ccall(address(359), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_shift(ocp) = ccall(address(360), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_get_durations(ocp, durations, n) -> swb_status
@@ -7569,6 +7863,7 @@ Lengths of the control stages of the last solution.
 swb_ocp_get_durations(ocp, durations, n) =
     ccall(address(358), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
     ccall(address(360), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(361), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_get_params(ocp, p, n_p) -> swb_status
@@ -7580,6 +7875,7 @@ Parameters of the last solution, those that were free as they were found.
 """
 swb_ocp_get_params(ocp, p, n_p) = ccall(address(359), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 swb_ocp_get_params(ocp, p, n_p) = ccall(address(361), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+swb_ocp_get_params(ocp, p, n_p) = ccall(address(362), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_get_control_ends(ocp, u, n_u) -> swb_status
@@ -7592,6 +7888,7 @@ Controls at the end of every stage: others than at its start where they are line
 swb_ocp_get_control_ends(ocp, u, n_u) =
     ccall(address(360), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
     ccall(address(362), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(363), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_violation(ocp, violation) -> swb_status
@@ -7602,6 +7899,7 @@ Largest violation of a relaxed constraint.
 """
 swb_ocp_get_violation(ocp, violation) = ccall(address(361), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 swb_ocp_get_violation(ocp, violation) = ccall(address(363), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
+swb_ocp_get_violation(ocp, violation) = ccall(address(364), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 
 """
     swb_ocp_jump_count(ocp, n_jumps) -> swb_status
@@ -7613,6 +7911,7 @@ Number of transitions of the last answer.
 """
 swb_ocp_jump_count(ocp, n_jumps) = ccall(address(362), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
 swb_ocp_jump_count(ocp, n_jumps) = ccall(address(364), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
+swb_ocp_jump_count(ocp, n_jumps) = ccall(address(365), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
 
 """
     swb_ocp_jumps(ocp, jumps, n, struct_size) -> swb_status
@@ -7626,6 +7925,7 @@ The transitions of the last answer in the order of time.
 swb_ocp_jumps(ocp, jumps, n, struct_size) =
     ccall(address(363), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
     ccall(address(365), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
+    ccall(address(366), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
 
 """
     swb_ocp_jump_states(ocp, index, before, after, n) -> swb_status
@@ -7640,6 +7940,7 @@ The states just before and just behind a transition of the last answer.
 swb_ocp_jump_states(ocp, index, before, after, n) =
     ccall(address(364), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
     ccall(address(366), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
+    ccall(address(367), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
         after, n)
 
 """
@@ -7656,6 +7957,7 @@ links tie it to the end of the phase before. A function of time sees the time fr
 swb_multiphase_create(phases, n_phases, settings, out) =
     ccall(address(365), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
     ccall(address(367), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
+    ccall(address(368), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
         n_phases, settings, out)
 
 """
@@ -7672,6 +7974,7 @@ controls and no parameters.
 swb_multiphase_link(m, phase, f, lower, n_lower, upper, n_upper) =
     ccall(address(366), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
     ccall(address(368), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
+    ccall(address(369), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), m, phase, f, lower, n_lower, upper, n_upper)
 
 """
@@ -7684,6 +7987,7 @@ Require that the next phase begins where this one ends, in all states.
 """
 swb_multiphase_link_continuous(m, phase) = ccall(address(367), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 swb_multiphase_link_continuous(m, phase) = ccall(address(369), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
+swb_multiphase_link_continuous(m, phase) = ccall(address(370), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 
 """
     swb_multiphase_link_reset(m, phase, r) -> swb_status
@@ -7698,6 +8002,7 @@ Require that the next phase begins at r(x(T)): what a stage that drops off, a do
 swb_multiphase_link_reset(m, phase, r) =
     ccall(address(368), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
     ccall(address(370), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
+    ccall(address(371), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
 
 """
     swb_multiphase_solve(m, outcome) -> swb_status
@@ -7709,6 +8014,7 @@ Solve.
 """
 swb_multiphase_solve(m, outcome) = ccall(address(369), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 swb_multiphase_solve(m, outcome) = ccall(address(371), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
+swb_multiphase_solve(m, outcome) = ccall(address(372), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
@@ -7722,6 +8028,7 @@ Result of the last solve.
 swb_multiphase_get_info(m, info, struct_size) =
     ccall(address(370), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
     ccall(address(372), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
+    ccall(address(373), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
 
 """
     swb_multiphase_get_message(m, buf, len, needed) -> swb_status
@@ -7735,6 +8042,7 @@ Why the last solve did not end with an exact solution; empty where there is noth
 swb_multiphase_get_message(m, buf, len, needed) =
     ccall(address(371), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
     ccall(address(373), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
+    ccall(address(374), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
 
 """
     swb_multiphase_get_phase(m, phase, out) -> swb_status
@@ -7749,6 +8057,7 @@ and statistics are those of all phases.
 swb_multiphase_get_phase(m, phase, out) =
     ccall(address(372), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
     ccall(address(374), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
+    ccall(address(375), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
 
 """
     swb_multiphase_set_iteration(m, iteration, user_data) -> swb_status
@@ -7761,6 +8070,7 @@ Set who is called once per iteration; NULL for nobody.
 swb_multiphase_set_iteration(m, iteration, user_data) =
     ccall(address(373), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
     ccall(address(375), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
+    ccall(address(376), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
 
 """
     swb_multiphase_interrupt(m) -> swb_status
@@ -7771,6 +8081,7 @@ Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt
 """
 swb_multiphase_interrupt(m) = ccall(address(374), swb_status, (Ptr{swb_multiphase},), m)
 swb_multiphase_interrupt(m) = ccall(address(376), swb_status, (Ptr{swb_multiphase},), m)
+swb_multiphase_interrupt(m) = ccall(address(377), swb_status, (Ptr{swb_multiphase},), m)
 
 """
     swb_multiphase_free(m) -> Cvoid
@@ -7779,6 +8090,7 @@ Free; NULL is allowed.
 """
 swb_multiphase_free(m) = ccall(address(375), Cvoid, (Ptr{swb_multiphase},), m)
 swb_multiphase_free(m) = ccall(address(377), Cvoid, (Ptr{swb_multiphase},), m)
+swb_multiphase_free(m) = ccall(address(378), Cvoid, (Ptr{swb_multiphase},), m)
 
 """
     swb_model_to_json(model, buf, len, needed) -> swb_status
@@ -7794,6 +8106,7 @@ states with the values they begin with, and its transitions. Functions that are 
 swb_model_to_json(model, buf, len, needed) =
     ccall(address(376), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
     ccall(address(378), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(379), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) -> swb_status
@@ -7811,6 +8124,7 @@ Build a model from a document; its expressions become expressions of the graph.
 swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) =
     ccall(address(377), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
     ccall(address(379), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(380), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_model}}), graph, text, functions, n_functions, rhs, n_rhs, out)
 
 """
@@ -7828,6 +8142,7 @@ and transitions. Functions that are called are named.
 swb_scene_to_json(scene, graph, buf, len, needed) =
     ccall(address(378), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{UInt8}, Int64, Ptr{Int64}), scene, graph,
     ccall(address(380), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{UInt8}, Int64, Ptr{Int64}), scene, graph,
+    ccall(address(381), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{UInt8}, Int64, Ptr{Int64}), scene, graph,
         buf, len, needed)
 
 """
@@ -7847,6 +8162,7 @@ Create a scene, or a projected system, from a document; its expressions become e
 swb_scene_from_json(graph, text, functions, n_functions, roots, n_roots, out) =
     ccall(address(379), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
     ccall(address(381), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(382), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_scene}}), graph, text, functions, n_functions, roots, n_roots, out)
 
 """
@@ -7859,6 +8175,7 @@ Numbers of states, controls and parameters of a model. Any output may be NULL.
 swb_model_sizes(model, nx, nu, np) =
     ccall(address(380), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
     ccall(address(382), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
+    ccall(address(383), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
 
 """
     swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) -> swb_status
@@ -7876,6 +8193,7 @@ Functions that are not made of expressions are named only.
 swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) =
     ccall(address(381), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
     ccall(address(383), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
+    ccall(address(384), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
         duration, n_steps, buf, len, needed)
 
 """
@@ -7893,6 +8211,7 @@ Create a simulator from a document; it stands where the simulation begins.
 swb_simulator_from_json(text, functions, n_functions, duration, n_steps, out) =
     ccall(address(382), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
     ccall(address(384), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
+    ccall(address(385), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
         Ptr{Ptr{swb_simulator}}), text, functions, n_functions, duration, n_steps, out)
 
 """
@@ -7909,6 +8228,7 @@ given to start from. Functions that are not made of expressions are named only.
 swb_ocp_to_json(ocp, buf, len, needed) =
     ccall(address(383), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
     ccall(address(385), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(386), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_from_json(text, functions, n_functions, out) -> swb_status
@@ -7923,6 +8243,7 @@ Create an optimal control problem from a document.
 swb_ocp_from_json(text, functions, n_functions, out) =
     ccall(address(384), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
     ccall(address(386), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
+    ccall(address(387), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
         n_functions, out)
 
 """
@@ -7941,6 +8262,7 @@ Create a program without pairs and bounds, parameters and start zero.
 swb_mpcc_create(n, np, objective, constraints, settings, out) =
     ccall(address(385), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
     ccall(address(387), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
+    ccall(address(388), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
         Ptr{Ptr{swb_mpcc}}), n, np, objective, constraints, settings, out)
 
 """
@@ -7960,6 +8282,7 @@ A constraint may be in one pair only; a variable in several.
 swb_mpcc_add_pair(mpcc, kind_g, index_g, kind_h, index_h) =
     ccall(address(386), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
     ccall(address(388), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
+    ccall(address(389), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
         index_h)
 
 """
@@ -7978,6 +8301,7 @@ nonlinear complementarity problem.
 swb_mpcc_add_box(mpcc, variable, constraint) =
     ccall(address(387), swb_status, (Ptr{swb_mpcc}, Int64, Int64), mpcc, variable, constraint)
     ccall(address(389), swb_status, (Ptr{swb_mpcc}, Int64, Int64), mpcc, variable, constraint)
+    ccall(address(390), swb_status, (Ptr{swb_mpcc}, Int64, Int64), mpcc, variable, constraint)
 
 """
     swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) -> swb_status
@@ -7995,6 +8319,7 @@ For functions described with swb_function_set_linear nothing else is prepared, a
 swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) =
     ccall(address(388), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
     ccall(address(390), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
+    ccall(address(391), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
         mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data)
 
 """
@@ -8009,6 +8334,7 @@ Set bounds of the variables.
 swb_mpcc_set_bounds(mpcc, lower, n_lower, upper, n_upper) =
     ccall(address(389), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
     ccall(address(391), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(392), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -8023,6 +8349,7 @@ Set bounds of the constraints; equal bounds make an equation. Those of rows in p
 swb_mpcc_set_constraint_bounds(mpcc, lower, n_lower, upper, n_upper) =
     ccall(address(390), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
     ccall(address(392), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(393), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -8036,6 +8363,7 @@ Set the parameters.
 swb_mpcc_set_params(mpcc, values, np) =
     ccall(address(391), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
     ccall(address(393), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
+    ccall(address(394), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
 
 """
     swb_mpcc_set_start(mpcc, w, n) -> swb_status
@@ -8047,6 +8375,7 @@ Set the point to start from.
 """
 swb_mpcc_set_start(mpcc, w, n) = ccall(address(392), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 swb_mpcc_set_start(mpcc, w, n) = ccall(address(394), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_set_start(mpcc, w, n) = ccall(address(395), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) -> swb_status
@@ -8063,6 +8392,7 @@ goes back to starting from a point alone.
 swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) =
     ccall(address(393), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
     ccall(address(395), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(396), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         mpcc, w, n, y, m, z, n_z)
 
 """
@@ -8077,6 +8407,7 @@ Solve.
 """
 swb_mpcc_solve(mpcc, outcome) = ccall(address(394), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 swb_mpcc_solve(mpcc, outcome) = ccall(address(396), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_solve(mpcc, outcome) = ccall(address(397), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_resolve(mpcc, outcome) -> swb_status
@@ -8089,6 +8420,7 @@ failed, diverged or ended infeasible this is swb_mpcc_solve.
 """
 swb_mpcc_resolve(mpcc, outcome) = ccall(address(395), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 swb_mpcc_resolve(mpcc, outcome) = ccall(address(397), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_resolve(mpcc, outcome) = ccall(address(398), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_outcome(mpcc, outcome) -> swb_status
@@ -8100,6 +8432,7 @@ How the last solve ended.
 """
 swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(396), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(398), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(399), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
@@ -8111,6 +8444,7 @@ Outcome of the polish, which identifies the active set and solves the smooth pro
 """
 swb_mpcc_get_polished(mpcc, polished) = ccall(address(397), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 swb_mpcc_get_polished(mpcc, polished) = ccall(address(399), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
+swb_mpcc_get_polished(mpcc, polished) = ccall(address(400), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 
 """
     swb_mpcc_get_objective(mpcc, objective) -> swb_status
@@ -8122,6 +8456,7 @@ Objective.
 swb_mpcc_get_objective(mpcc, objective) =
     ccall(address(398), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
     ccall(address(400), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
+    ccall(address(401), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
 
 """
     swb_mpcc_get_solution(mpcc, w, n) -> swb_status
@@ -8133,6 +8468,7 @@ The point.
 """
 swb_mpcc_get_solution(mpcc, w, n) = ccall(address(399), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 swb_mpcc_get_solution(mpcc, w, n) = ccall(address(401), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_get_solution(mpcc, w, n) = ccall(address(402), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_get_constraints(mpcc, c, m) -> swb_status
@@ -8144,6 +8480,7 @@ Constraints at the point.
 """
 swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(400), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(402), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
+swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(403), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 
 """
     swb_mpcc_get_multipliers(mpcc, y, m, z, n) -> swb_status
@@ -8158,6 +8495,7 @@ Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 swb_mpcc_get_multipliers(mpcc, y, m, z, n) =
     ccall(address(401), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
     ccall(address(403), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
+    ccall(address(404), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
 
 """
     swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) -> swb_status
@@ -8174,6 +8512,7 @@ the pairs were added.
 swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) =
     ccall(address(402), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
     ccall(address(404), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
+    ccall(address(405), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
         mpcc, g, h, nu, xi, n_pairs)
 
 """
@@ -8188,6 +8527,7 @@ Residuals of the last solve.
 swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
     ccall(address(403), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
     ccall(address(405), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(406), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
@@ -8201,6 +8541,7 @@ Work and time of the last solve.
 swb_mpcc_get_stats(mpcc, stats, struct_size) =
     ccall(address(404), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
     ccall(address(406), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(407), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_set_int(mpcc, name, value) -> swb_status
@@ -8212,6 +8553,7 @@ Set an integer or enumeration option of a program (or a float one, to an integer
 swb_mpcc_set_int(mpcc, name, value) =
     ccall(address(405), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
     ccall(address(407), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
+    ccall(address(408), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
 
 """
     swb_mpcc_set_double(mpcc, name, value) -> swb_status
@@ -8223,6 +8565,7 @@ Set a float option of a program by name.
 swb_mpcc_set_double(mpcc, name, value) =
     ccall(address(406), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
     ccall(address(408), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
+    ccall(address(409), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
 
 """
     swb_mpcc_set_string(mpcc, name, value) -> swb_status
@@ -8234,6 +8577,7 @@ Set any option of a program by name from text: a number, or the value name of an
 swb_mpcc_set_string(mpcc, name, value) =
     ccall(address(407), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
     ccall(address(409), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
+    ccall(address(410), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
 
 """
     swb_mpcc_set_settings(mpcc, settings) -> swb_status
@@ -8246,6 +8590,7 @@ Set all options of a program.
 swb_mpcc_set_settings(mpcc, settings) =
     ccall(address(408), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
     ccall(address(410), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
+    ccall(address(411), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
 
 """
     swb_mpcc_get_settings(mpcc, settings, struct_size) -> swb_status
@@ -8259,6 +8604,7 @@ Options of a program, all of them.
 swb_mpcc_get_settings(mpcc, settings, struct_size) =
     ccall(address(409), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
     ccall(address(411), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
+    ccall(address(412), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
 
 """
     swb_mpcc_set_iteration(mpcc, iteration, user_data) -> swb_status
@@ -8271,6 +8617,7 @@ Set who is called once per iteration; NULL for nobody.
 swb_mpcc_set_iteration(mpcc, iteration, user_data) =
     ccall(address(410), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
     ccall(address(412), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
+    ccall(address(413), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
 
 """
     swb_mpcc_set_log(mpcc, log, user_data) -> swb_status
@@ -8283,6 +8630,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 swb_mpcc_set_log(mpcc, log, user_data) =
     ccall(address(411), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
     ccall(address(413), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
+    ccall(address(414), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
 
 """
     swb_mpcc_interrupt(mpcc) -> swb_status
@@ -8296,6 +8644,7 @@ these, a model function that takes long itself is waited for. What was found bef
 """
 swb_mpcc_interrupt(mpcc) = ccall(address(412), swb_status, (Ptr{swb_mpcc},), mpcc)
 swb_mpcc_interrupt(mpcc) = ccall(address(414), swb_status, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_interrupt(mpcc) = ccall(address(415), swb_status, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_free(mpcc) -> Cvoid
@@ -8304,6 +8653,7 @@ Free; NULL is allowed.
 """
 swb_mpcc_free(mpcc) = ccall(address(413), Cvoid, (Ptr{swb_mpcc},), mpcc)
 swb_mpcc_free(mpcc) = ccall(address(415), Cvoid, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_free(mpcc) = ccall(address(416), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) -> swb_status
@@ -8325,6 +8675,7 @@ that were set since the solve are not used.
 swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) =
     ccall(address(414), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
     ccall(address(416), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
+    ccall(address(417), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
         mpcc, x, n_x, objective, n_objective, sides, n_sides)
 
 """
@@ -8344,6 +8695,7 @@ differentiable, and one for each where it is not.
 swb_mpcc_vjp(mpcc, x, n_x, objective, p, n_p, sides, n_sides) =
     ccall(address(415), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
     ccall(address(417), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
+    ccall(address(418), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
         Int64), mpcc, x, n_x, objective, p, n_p, sides, n_sides)
 
 """
@@ -8353,6 +8705,7 @@ Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Stat
 """
 swb_stationarity_name(stationarity) = ccall(address(416), Cstring, (Int32,), stationarity)
 swb_stationarity_name(stationarity) = ccall(address(418), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(419), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
@@ -8361,6 +8714,7 @@ Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
 swb_doubt_name(doubt) = ccall(address(417), Cstring, (Int32,), doubt)
 swb_doubt_name(doubt) = ccall(address(419), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(420), Cstring, (Int32,), doubt)
 
 """
     swb_second_order_name(second_order) -> Cstring
@@ -8369,6 +8723,7 @@ Name of an enum swb_second_order, such as \"saddle\"; NULL for any other number.
 """
 swb_second_order_name(second_order) = ccall(address(418), Cstring, (Int32,), second_order)
 swb_second_order_name(second_order) = ccall(address(420), Cstring, (Int32,), second_order)
+swb_second_order_name(second_order) = ccall(address(421), Cstring, (Int32,), second_order)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -8383,6 +8738,7 @@ Name a variable, a constraint, a pair or a box: reports and messages of the log 
 swb_mpcc_set_name(mpcc, kind, index, name) =
     ccall(address(419), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
     ccall(address(421), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(422), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -8397,6 +8753,7 @@ Name all variables, constraints, pairs or boxes.
 swb_mpcc_set_names(mpcc, kind, names, n) =
     ccall(address(420), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
     ccall(address(422), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(423), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -8412,6 +8769,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
     ccall(address(421), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
     ccall(address(423), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(424), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -8430,6 +8788,7 @@ min(G, H).
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
     ccall(address(422), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
     ccall(address(424), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(425), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -8455,6 +8814,7 @@ order.
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
     ccall(address(423), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
     ccall(address(425), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(426), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -8469,6 +8829,7 @@ Knowledge of the point of the last solve: type of stationarity, B-stationarity.
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
     ccall(address(424), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
     ccall(address(426), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(427), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -8483,6 +8844,7 @@ that the option tol is compared with.
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
     ccall(address(425), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
     ccall(address(427), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(428), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -8496,6 +8858,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
     ccall(address(426), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
     ccall(address(428), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(429), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -8509,6 +8872,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
     ccall(address(427), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
     ccall(address(429), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(430), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -8522,5 +8886,6 @@ Report on the last solve for people: a table with the worst violations and what 
 swb_mpcc_report_text(mpcc, buf, len, needed) =
     ccall(address(428), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
     ccall(address(430), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(431), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

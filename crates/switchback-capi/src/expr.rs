@@ -399,6 +399,36 @@ pub unsafe extern "C" fn swb_expr_signed_distance(
     })
 }
 
+/// Forces of Lagrange's equations that follow from an inertia matrix M and a potential V: with T = v' M v / 2 these are
+/// -dV/dq + dT/dq - d(M v)/dq v - dM/dt v, what stands beside M v' where q' = v. Add to them what else there is.
+///
+/// @param[in]  inertia   [n_inertia] n times n expressions of coordinates, parameters and time, symmetric
+/// @param[in]  potential expression of the same
+/// @param[in]  q         [n] the coordinates, inputs
+/// @param[in]  v         [n] the velocities, inputs
+/// @param[out] out       [n] the forces
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_UNSUPPORTED for operators that switch
+#[no_mangle]
+pub unsafe extern "C" fn swb_expr_lagrangian_forces(
+    graph: *mut swb_expr,
+    inertia: *const i64,
+    n_inertia: i64,
+    potential: i64,
+    q: *const i64,
+    v: *const i64,
+    out: *mut i64,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let made = handle::with_mut(graph, |d| {
+            let (m, p) = (values(d, inertia, n_inertia, "inertia")?, values(d, &potential, 1, "potential")?[0]);
+            let (q, v) = (values(d, q, n, "q")?, values(d, v, n, "v")?);
+            d.lagrangian_forces(&m, p, &q, &v)
+        })?;
+        put(out, n, &made, "out")
+    })
+}
+
 /// Values of a table.
 ///
 /// @param[in]  kind   enum swb_table

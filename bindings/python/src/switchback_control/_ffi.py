@@ -1244,6 +1244,7 @@ FUNCTIONS = {
     "swb_expr_implicit": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64]),
     "swb_expr_inner_minimum": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_void_p, c_int64]),
     "swb_expr_signed_distance": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_double, c_void_p, c_void_p, c_int64]),
+    "swb_expr_lagrangian_forces": (c_int32, [c_void_p, c_void_p, c_int64, c_int64, c_void_p, c_void_p, c_void_p, c_int64]),
     "swb_expr_table": (c_int32, [c_void_p, c_int32, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p, c_int64]),
     "swb_expr_call": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_expr_jacobian": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -109,15 +109,21 @@ class _Touch:
     def geometry(self, s: States) -> tuple[Any, list[Any], list[Any], list[Any]]:
         """Gap, normal from the other body to the first, sliding velocities along `tangents`, and the point of contact on
         the first. The same lines make expressions and numbers, as the states are."""
-        a, spot = s[self.a], self.spot
+        if not isinstance(self.b, Fixed):
+            return self.measure(s[self.a], s[self.b])
+        return self.measure(s[self.a], None if self.b.on is None else s[self.b.on], s)
+
+    def measure(self, a: BodyState, b: Any, s: Any = None) -> tuple[Any, list[Any], list[Any], list[Any]]:
+        """The same for the states of the two bodies, none for a plane of the world."""
+        spot = self.spot
         arm = a.turned(spot.at)
         centre = sp.add(list(a.position), arm)
         velocity = sp.add(list(a.velocity), a.swept(arm))
         if isinstance(self.b, Fixed):
-            gap, normal, tangents, out, b = self._with_plane(s, a, centre)
+            gap, normal, tangents, out = self._with_plane(s, a, b, centre)
             foot, speed = None, self.b.speed
         else:
-            b, speed = s[self.b], 0.0
+            speed = 0.0
             with_ = self._with_core if isinstance(self.other, _Core) else self._with_spot
             gap, normal, out, foot = with_(a, b, centre)
             tangents = [[normal[1], -normal[0]]] if len(normal) == 2 else sp.tangents_of(normal)
@@ -131,15 +137,14 @@ class _Touch:
             sliding = [v - speed for v in sliding]
         return gap, normal, sliding, point
 
-    def _with_plane(self, s: States, a: BodyState, centre: list[Any]) -> tuple[Any, list[Any], list[Any], list[Any], Any]:
+    def _with_plane(self, s: Any, a: BodyState, b: Any, centre: list[Any]) -> tuple[Any, list[Any], list[Any], list[Any]]:
         plane: Any = self.b
-        b = None if plane.on is None else s[plane.on]
         normal = list(plane.normal) if b is None else b.turned(plane.normal)
         tangents = [list(t) if b is None else b.turned(t) for t in plane._tangents]
         out, reach = _out(self.spot, a, sp.scale(-1.0, normal))
         origin = [0.0] * len(normal) if b is None else list(b.position)
         gap = sp.dot(normal, sp.subtract(centre, origin)) - reach - _value(plane.offset, s)
-        return gap, normal, tangents, out, b
+        return gap, normal, tangents, out
 
     def _with_spot(self, a: BodyState, b: BodyState, centre: list[Any]) -> tuple[Any, list[Any], list[Any], list[Any]]:
         """With a round spot, or an ellipsoid."""
@@ -184,6 +189,43 @@ class _Touch:
             out = sp.scale(-radius, normal)
         foot = sp.add(sp.add(middle, turned(nearest)), sp.scale(core.radius, normal))
         return distance - radius - core.radius, normal, out, foot
+
+
+def expressions_of(touches: list[_Touch], s: States) -> list[tuple[Any, list[Any]]]:
+    """Gaps and sliding velocities. Corners and cores of one form in the plane are written together, as arrays: there may be very many."""
+    out: list[Any] = [None] * len(touches)
+    alike: dict[Any, list[int]] = {}
+    for k, touch in enumerate(touches):
+        if isinstance(touch.other, _Core) and len(touch.spot.at) == 2:
+            a, b, core = s[touch.a], s[touch.b], touch.other
+            form = core.half, core.radius, core.side, touch.spot.radius, str(touch.spot.squares), a.angle is None, b.angle is None
+            alike.setdefault(form, []).append(k)
+        else:
+            gap, _, sliding, _ = touch.geometry(s)
+            out[k] = gap, sliding
+    for places in alike.values():
+        group = [touches[k] for k in places]
+        first, core = group[0], group[0].other
+        assert isinstance(core, _Core)
+        at, middle = (tuple(numpy.array([i.at for i in parts]).T) for parts in ([t.spot for t in group], [t.other for t in group]))
+        many = replace(first, spot=replace(first.spot, at=at), other=replace(core, at=middle))
+        bodies = [_side_by_side([s[body] for body in those]) for those in ([t.a for t in group], [t.b for t in group])]
+        gap, _, sliding, _ = many.measure(*bodies)
+        for k, place in enumerate(places):
+            out[place] = gap[k], [v[k] for v in sliding]
+    return out
+
+
+def _side_by_side(bodies: list[BodyState]) -> BodyState:
+    """The states of several bodies in the plane, as one of arrays."""
+
+    def together(parts: list[Any]) -> Any:
+        if any(p is None for p in parts):
+            return None
+        return parts[0]._graph._expr(numpy.array([int(p._ids) for p in parts], dtype=numpy.int64))
+
+    position, velocity = ([together([getattr(b, of)[i] for b in bodies]) for i in (0, 1)] for of in ("position", "velocity"))
+    return BodyState(position, velocity, together([b.angle for b in bodies]), together([b.omega for b in bodies]))
 
 
 def touches_of(pair: _Pair) -> list[_Touch]:

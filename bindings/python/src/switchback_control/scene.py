@@ -15,9 +15,9 @@ from ._call import Handle, encode, text
 from ._document import Reader
 from ._ffi import ContactMode, ImpactKind, ImpactLaw
 from ._library import lib
-from .errors import ArgumentError, DimensionError
+from .errors import ArgumentError, DimensionError, RangeError
 from ._names import Named, split
-from .expr import Expr, Graph, Jumping, _Transition
+from .expr import Expr, Graph, Jumping, _packed, _Transition
 from .function import Function
 from .system import System
 
@@ -324,7 +324,7 @@ class Scene(_ContactSystem):
     def inertia(self, values: Any) -> None:
         """Set the inertia: a number for every velocity (a diagonal), or a symmetric matrix; by default the unit matrix.
 
-        Where it depends on coordinates, the terms that Lagrange's equations put beside M v' belong to `force`."""
+        Where it depends on coordinates, the terms that Lagrange's equations put beside M v' belong to `force`: `lagrange` finds them."""
         given = self.graph.of(values)
         if given.ndim == 1 and self.n_v >= 1 and given.shape == (self.n_v,):
             rows = [[given[i] if i == j else 0.0 for j in range(self.n_v)] for i in range(self.n_v)]
@@ -338,6 +338,43 @@ class Scene(_ContactSystem):
         """Set the forces, one for every velocity: all that stands beside M v' but contact forces. They may switch (`sign`,
         `where`, tables); switches stand behind the contacts in `report_data()["contacts"]`, and their weights in `run.force`."""
         self._set("set_force", values, (self.n_v,), "force")
+
+    def lagrange(self, inertia: Any, potential: Any = 0.0, force: Any = 0.0) -> None:
+        """Set inertia and forces by Lagrange's equations of the energies T = v' M v / 2 and V, where the rates of the coordinates are
+        the velocities: forces of the potential, centrifugal and Coriolis forces, and what else acts, `force`.
+
+            s.lagrange([[2 + 2 * c, 1 + c], [1 + c, 1]], potential=9.81 * height, force=[s.u[0], 0.0])
+
+        inertia     as `inertia` takes it, an expression of coordinates, parameters and time
+        potential   an expression of the same
+        force       one expression for each velocity, or 0
+        """
+        if self.n_q != self.n_v:
+            raise DimensionError(f"{self.n_q} coordinates and {self.n_v} velocities: Lagrange's equations are for q' = v")
+        n = self.n_v
+        given = self.graph.of(inertia)
+        matrix = self.graph.of([[given[i] if i == j else 0.0 for j in range(n)] for i in range(n)]) if given.shape == (n,) else given
+        self.inertia(matrix)
+        m, q, v = (_packed(e._ids.ravel()) for e in (matrix, self.q, self.v))
+        out = numpy.empty(n, dtype=numpy.int64)
+        energy = int(self.graph.of(potential)._ids)
+        self.graph._do("lagrangian_forces", address(m), m.size, energy, address(q), address(v), address(out), n)
+        other = self.graph.of(force)
+        self.force(self.graph._expr(out) + other)
+
+    def backlash(self, name: str, play: Any, width: Any, e: Any = 0.0) -> tuple[SceneContact, SceneContact]:
+        """Add backlash: `play`, an expression of coordinates, parameters and time, moves freely over `width` about zero, and is held on
+        both sides by contacts, "NAME lower" and "NAME upper", with restitution `e`. Returns the two.
+
+            s.backlash("teeth", s.q[0] - s.q[1], 0.01, e=0.3)
+        """
+        if not isinstance(name, str) or not name:
+            raise ArgumentError(f"the name of a backlash must be a text, not {name!r:.40}")
+        if not isinstance(width, Expr) and not number(width, "width") > 0.0:
+            raise RangeError(f"the width of backlash {name} is {width}: it must be positive")
+        half = 0.5 * self.graph.of(width)
+        lower = self.contact(f"{name} lower", self.graph.of(play) + half, e=e)
+        return lower, self.contact(f"{name} upper", half - self.graph.of(play), e=e)
 
     def contact(
         self, name: str, gap: Any, tangents: Any = (), mu: Any = 0.0, e: Any = 0.0, mu_s: Any = None
