@@ -483,3 +483,50 @@ def test_everything_is_freed(live):
     assert live() != before
     del run, s
     assert live() == before
+
+
+def test_an_arm_by_its_energies():
+    """Two links by inertia and potential: the equations of a textbook, and energy that is kept."""
+    s = swb.Scene("a b", "va vb", u="torque")
+    c = np.cos(s.q[1])
+    height = 2.0 * np.sin(s.q[0]) + np.sin(s.q[0] + s.q[1])
+    s.lagrange([[3.0 + 2.0 * c, 1.0 + c], [1.0 + c, 1.0]], potential=9.81 * height, force=[s.u[0], 0.0])
+    run = s.simulate([0.3, 0.5], [0.0, 1.0], 2.0, u=[0.0], rtol=1e-10, atol=1e-11)
+    q, v = run.x[:, :2], run.x[:, 2:]
+    c = np.cos(q[:, 1])
+    kinetic = 0.5 * ((3 + 2 * c) * v[:, 0] ** 2 + 2 * (1 + c) * v[:, 0] * v[:, 1] + v[:, 1] ** 2)
+    energy = kinetic + 9.81 * (2 * np.sin(q[:, 0]) + np.sin(q[:, 0] + q[:, 1]))
+    assert np.ptp(energy) < 1e-7
+    # written out
+    other = swb.Scene("a b", "va vb", u="torque")
+    a, b = other.q
+    va, vb = other.v
+    c, d = np.cos(b), np.sin(b)
+    other.inertia([[3.0 + 2.0 * c, 1.0 + c], [1.0 + c, 1.0]])
+    g1, g2 = 9.81 * (2 * np.cos(a) + np.cos(a + b)), 9.81 * np.cos(a + b)
+    other.force([other.u[0] + d * (2 * va * vb + vb**2) - g1, -d * va**2 - g2])
+    same = other.simulate([0.3, 0.5], [0.0, 1.0], 2.0, u=[0.0], rtol=1e-10, atol=1e-11)
+    assert same.x_end == pytest.approx(run.x_end, abs=1e-8)
+    with pytest.raises(swb.DimensionError, match="q' = v"):
+        swb.Scene("a b", "v").lagrange([1.0])
+    diagonal = swb.Scene("x y")
+    diagonal.lagrange([2.0, 1.0], potential=2.0 * diagonal.q[0])
+    assert diagonal.simulate([0.0, 0.0], [0.0, 1.0], 1.0).x_end == pytest.approx([-0.5, 1.0, -1.0, 1.0])
+
+
+def test_backlash():
+    """A driven wheel takes another one with it once it has gone through the play, and the other way round."""
+    s = swb.Scene("a b", u="torque")
+    s.force([s.u[0], 0.0])
+    lower, upper = s.backlash("teeth", s.q[0] - s.q[1], 0.2, e=0.0)
+    run = s.simulate([0.0, 0.0], [0.0, 0.0], 2.0, u=[1.0], rtol=1e-10, atol=1e-11)
+    hit = np.sqrt(0.2)  # where a is 0.1
+    assert [(i.name, i.t) for i in run.impacts] == [("teeth upper", pytest.approx(hit, abs=1e-9))]
+    together = 0.5 * hit + 0.5 * (2.0 - hit)
+    assert run.x_end[2:] == pytest.approx([together, together], abs=1e-8)
+    assert run.force(upper, 1.5)[0] == pytest.approx(0.5, abs=1e-9) and (lower.name, upper.name) == ("teeth lower", "teeth upper")
+    back = s.simulate([0.0, 0.0], [0.0, 0.0], 2.0, u=[-1.0])
+    assert back.impacts[0].name == "teeth lower"
+    for width in (0.0, -1.0):
+        with pytest.raises(swb.RangeError, match="positive"):
+            s.backlash("more", s.q[0], width)

@@ -35,6 +35,23 @@ class _Core:
     side: tuple[int, float] | None = None
 
 
+@dataclass(frozen=True)
+class _Edge:
+    """An edge of a box, or the middle line of a capsule, in space: a place, a direction, half of its length and a radius around it."""
+
+    name: str
+    at: tuple[float, ...]
+    along: tuple[float, ...]
+    half: float
+    radius: float
+    squares: Any = None
+
+
+# Lines of two edges that are nearer to parallel than the root of this, in radians, have no nearest places that could be told from others:
+# the middle is taken then, and the ends of the edges are contacts of their own.
+_PARALLEL = 1e-8
+
+
 def _measured(squares_of: tuple[bool, bool], n: int) -> tuple[Graph, Any]:
     """A graph with a way between two bodies and their matrices as inputs, and the gap and normal of these."""
     g = Graph()
@@ -99,9 +116,9 @@ class _Touch:
 
     name: str
     a: Body
-    spot: _Spot
+    spot: _Spot | _Edge
     b: Body | Fixed
-    other: _Spot | _Core | None
+    other: _Spot | _Core | _Edge | None
     mu: Any
     e: Any
     size: float = field(default=1.0)
@@ -124,7 +141,8 @@ class _Touch:
             foot, speed = None, self.b.speed
         else:
             speed = 0.0
-            with_ = self._with_core if isinstance(self.other, _Core) else self._with_spot
+            with_: Any = self._with_core if isinstance(self.other, _Core) else self._with_spot
+            with_ = self._with_edge if isinstance(self.other, _Edge) else with_
             gap, normal, out, foot = with_(a, b, centre)
             tangents = [[normal[1], -normal[0]]] if len(normal) == 2 else sp.tangents_of(normal)
         point = sp.add(centre, out)
@@ -160,6 +178,25 @@ class _Touch:
             gap, normal = _smooth(between, matrices, (self.spot.radius, other.radius), self.size)
         out, _ = _out(self.spot, a, sp.scale(-1.0, normal))
         return gap, normal, out, sp.add(foot, _out(other, b, normal)[0])
+
+    def _with_edge(self, a: BodyState, b: BodyState, centre: list[Any]) -> tuple[Any, list[Any], list[Any], list[Any]]:
+        """Of two edges: the distance of the nearest places of their lines, as far as these are on the edges. Where one is not, an end is nearer,
+        and is a contact of its own. So the least of all is the distance, and each has one continuous derivative."""
+        mine: Any = self.spot
+        theirs: Any = self.other
+        u, v = a.turned(mine.along), b.turned(theirs.along)
+        foot = b.turned(theirs.at)
+        way = sp.subtract(centre, sp.add(list(b.position), foot))
+        cosine, on_u, on_v = sp.dot(u, v), sp.dot(u, way), sp.dot(v, way)
+        share = 1.0 / (1.0 - cosine * cosine + _PARALLEL)
+        s = _clamped((cosine * on_v - on_u) * share, mine.half)
+        t = _clamped((on_v - cosine * on_u) * share, theirs.half)
+        at, foot = sp.scale(s, u), sp.add(foot, sp.scale(t, v))
+        between = sp.subtract(sp.add(way, at), sp.scale(t, v))
+        distance = numpy.sqrt(sp.dot(between, between) + _LEAST)
+        normal = [c / distance for c in between]
+        gap = distance - mine.radius - theirs.radius
+        return gap, normal, sp.subtract(at, sp.scale(mine.radius, normal)), sp.add(foot, sp.scale(theirs.radius, normal))
 
     def _with_core(self, a: BodyState, b: BodyState, centre: list[Any]) -> tuple[Any, list[Any], list[Any], list[Any]]:
         """With the core of a box or capsule: the distance from its nearest point, which has one continuous derivative."""
@@ -247,6 +284,9 @@ def touches_of(pair: _Pair) -> list[_Touch]:
                 continue
             out += [(a, s, b, c, size) for c in theirs for s in first if s.squares is None]
             out += [(b, s, a, c, size) for c in mine for s in second if s.squares is None]
+            if mine and theirs and len(a._spots[0].at) == 3:
+                ours, others = (_edges_of(c[0], c[0].name.removesuffix("side").strip()) for c in (mine, theirs))
+                out += [(a, i, b, j, size) for i in ours for j in others]
             for body, spots, other, cores, corners in ((a, first, b, theirs, second), (b, second, a, mine, first)):
                 bent = [s for s in spots if s.squares is not None]
                 out += [(body, s, other, o, size) for s in bent if cores for o in corners]
@@ -291,6 +331,26 @@ def _sides(core: _Core) -> list[_Core]:
 def _size(spots: list[_Spot]) -> float:
     """A length of the order of shapes that are no points."""
     return max((float(numpy.sqrt(numpy.max(s.squares))) if s.squares is not None else s.radius for s in spots), default=0.0) or 1.0
+
+
+def _edges_of(core: _Core, name: str) -> list[_Edge]:
+    """Edges of a box in space, or the middle line of a capsule."""
+    turn = numpy.eye(3) if core.turn is None else numpy.array(core.turn)
+    middle, half = numpy.array(core.at), numpy.array(core.half)
+    out = []
+    for axis in range(3):
+        others = [i for i in range(3) if i != axis]
+        if half[axis] == 0.0:
+            continue
+        # corners of the section across, each once where the section is a point
+        signs = [(i, j) for i in ((-1, 1) if half[others[0]] else (0,)) for j in ((-1, 1) if half[others[1]] else (0,))]
+        for i, j in signs:
+            place = numpy.zeros(3)
+            place[others] = i * half[others[0]], j * half[others[1]]
+            word = f"{name} {'xyz'[axis]}{'-+'[i > 0]}{'-+'[j > 0]} edge" if len(signs) > 1 else f"{name} edge"
+            at, along = sp.constants(middle + turn @ place), sp.constants(turn[:, axis])
+            out.append(_Edge(word.strip(), tuple(at), tuple(along), float(half[axis]), core.radius))
+    return out
 
 
 def _matrix(spot: _Spot, body: BodyState) -> Any:

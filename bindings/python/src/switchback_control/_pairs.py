@@ -58,10 +58,9 @@ def check_shapes(a: Body, b: Body | Fixed) -> None:
     bent = [any(s.squares is not None for s in body._spots) for body in (a, b)]
     sided = [any(cores for _, cores in _shapes_of(body)) for body in (a, b)]
     other = "Name the pairs that may touch, without this one"
-    if len(a._spots[0].at) == 3 and all(p or q for p, q in zip(bent, sided)) and any(sided):
+    if len(a._spots[0].at) == 3 and any(bent) and any(sided):
         raise UnsupportedError(
-            f"{a.name} ({a.shape}) and {b.name} ({b.shape}): in space boxes and capsules touch planes, spheres and points, not "
-            f"edges and ellipsoids. {other}"
+            f"{a.name} ({a.shape}) and {b.name} ({b.shape}): in space boxes and capsules touch all shapes but ellipsoids. {other}"
         )
     if all(s.radius == 0.0 and s.squares is None for s in a._spots + b._spots):
         if any(sided):

@@ -361,9 +361,9 @@ class World:
         never said has contacts of all pairs.
 
         All shapes touch planes. In the plane discs, ellipses, boxes, rods and capsules touch each other where there are no sharp
-        corners on both sides: give boxes a rounding. In space spheres, points and ellipsoids touch each other, and boxes and
-        capsules touch spheres. A box or capsule has a contact for each corner or end of one body with the other. Bodies that joints
-        connect are no pairs unless they are named.
+        corners on both sides: give boxes a rounding. In space it is the same, but ellipsoids do not touch boxes and
+        capsules. A box or capsule has a contact for each corner or end of one body with the other, and in space for each two edges.
+        Bodies that joints connect are no pairs unless they are named.
         """
         mu, e = (self.mu if mu is None else mu), (self.e if e is None else e)
         old = list(self._pairs or [])
