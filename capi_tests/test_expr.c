@@ -123,7 +123,7 @@ static void inner(void)
 {
     swb_expr *g = NULL;
     swb_function *f = NULL;
-    int64_t x[2], d[2], w[2], squares[2], two, four, parts[2], support, out[5], least, product;
+    int64_t x[2], d[2], w[2], squares[2], two, four, parts[2], support, out[5], least, product, energy;
     double value[5];
     const double at_x[] = {0.0, 3.0}, constants[] = {4.0, 2.0};
     const swb_point at = {0.0, at_x, NULL, NULL};
@@ -164,8 +164,8 @@ static void inner(void)
     CHECK(passed);
     swb_function_free(f);
     /* T = x0 x1^2 / 2 and V = 4 x0: the force -4 + x1^2 / 2 - x1^2 */
-    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &four, x, NULL, &product, 1));
-    CHECK_OK(swb_expr_lagrangian_forces(g, x, 1, product, x, &x[1], out, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &four, x, NULL, &energy, 1));
+    CHECK_OK(swb_expr_lagrangian_forces(g, x, 1, energy, x, &x[1], out, 1));
     CHECK_OK(swb_expr_function(g, "force", 2, 0, 0, out, 1, &f));
     CHECK_OK(swb_function_eval(f, &at, value, 1));
     CHECK_NEAR(value[0], -8.5, 1e-14);
