@@ -45,4 +45,3 @@ for x, y, a in run.x[-1, :n].reshape(-1, 3):
 ax.plot([-3, -3, 3, 3], [4.5, 0, 0, 4.5], color="0.3")
 ax.set_aspect("equal")
 figure.savefig(folder / "python_pile_of_boxes.svg")
-figure.savefig(folder / "python_pile_of_boxes.png", dpi=90)

@@ -67,6 +67,14 @@ def test_inner_problems_that_are_none():
         f([4.0, 0.0])
 
 
+def ellipsoids(c, a, b):
+    """Gap and normal of ellipsoids with these matrices of squared semi-axes, `c` apart."""
+    form = [(0.0, tuple(map(tuple, m.tolist())), None) for m in (a, b)]
+    n = len(c)
+    f = _gaps._numbers_of(tuple(form), n, 1.0)
+    return f(np.concatenate([c, np.eye(n).ravel(), np.eye(n).ravel()]))
+
+
 # --- gaps -----------------------------------------------------------------------------------------------
 
 
@@ -87,12 +95,11 @@ def apart(c, a, b):
 @pytest.mark.parametrize("n", [2, 3])
 def test_the_gap_of_ellipsoids_is_their_distance(n):
     r = np.random.default_rng(53)
-    f = _gaps._numbers_of((True, True), (0.0, 0.0), n, 1.0)
     seen = 0
     for _ in range(40):
         a, b = (np.linalg.qr(r.normal(size=(n, n)))[0] * r.uniform(0.2, 2.0, n) for _ in range(2))
         c = r.normal(size=n) * r.uniform(1.0, 5.0)
-        found = f(np.concatenate([c, (a @ a.T).ravel(), (b @ b.T).ravel()]))
+        found = ellipsoids(c, a @ a.T, b @ b.T)
         if found[0] < 0.01:
             # the normal is a direction in which the bodies overlap that much, and no direction near it has less overlap
             d = found[1:]
@@ -122,6 +129,31 @@ def test_derivatives_of_gaps_are_those_of_differences():
         hessian = np.asarray(f.hessian(at, weights=[1.0, 0.0]))[:6, :6]
         slopes = np.array([(np.asarray(f.jacobian(at + h * e))[0, :6] - np.asarray(f.jacobian(at - h * e))[0, :6]) / (2 * h) for e in np.eye(6)])
         assert hessian == pytest.approx(slopes, abs=1e-7)
+
+
+@pytest.mark.parametrize("exponent, flat", [(2.0, 0.1), (3.0, 0.02), (6.0, 1e-3)])
+def test_gaps_of_superellipses_are_the_distance_of_their_outlines(exponent, flat):
+    w = swb.World()
+    a, b = w.superellipse(0.8, 0.4, exponent, mass=1.0, flat=flat), w.superellipse(0.3, 0.5, 4.0, mass=1.0, flat=flat)
+    outline = [body._power.outline(4000) for body in (a, b)]
+    assert outline[0].max(axis=0) == pytest.approx([0.8, 0.4], abs=1e-12)
+    near = np.abs(outline[0] / [0.8, 0.4]) ** exponent @ [1.0, 1.0]
+    assert 1.0 - 2.0 * flat**0.8 < near.min() and near.max() < 1.0 + 1e-9
+    (touch,) = [t for p in w._stated() for t in _gaps.touches_of(p)]
+    r = np.random.default_rng(2)
+    for _ in range(10):
+        q = np.array([0.0, 0.0, r.normal(), *(r.normal(size=2) * 1.5), r.normal()])
+        gap, normal, _, point = touch.geometry(w.scene._layout.read(np.concatenate([q, np.zeros(6)]), None, None, 0.0))
+        placed = [line @ turned(angle).T + at for line, at, angle in zip(outline, (q[:2], q[3:5]), (q[2], q[5]))]
+        n = np.array([float(c) for c in normal])
+        # along the normal the outlines are that far apart
+        assert float(gap) == pytest.approx((placed[0] @ n).min() - (placed[1] @ n).max(), abs=1e-5)
+        if float(gap) > 0.01:
+            distance = np.sqrt(((placed[0][::4, None] - placed[1][None, ::4]) ** 2).sum(axis=2).min())
+            # between points of the outlines, which are 5e-3 apart
+            assert distance - 1e-3 < float(gap) < distance + 1e-9
+            foot = np.array([float(c) for c in point])
+            assert np.linalg.norm(placed[0] - foot, axis=1).min() < 2e-3
 
 
 def corners_of(x, y, angle, w, h):
@@ -227,12 +259,12 @@ def test_an_ellipse_bounces_on_a_fixed_one_as_by_hand():
 
     t = brentq(lambda t: gap(t) - 0.05, 0.5, hit.t - 1e-3)
     a = turned(0.4 + t) * [0.5, 0.2]
-    f = _gaps._numbers_of((True, True), (0.0, 0.0), 2, 1.0)
-    assert f(np.concatenate([[0.4, 3.0 - 2.0 * t], (a @ a.T).ravel(), [2.25, 0, 0, 0.49]]))[0] == pytest.approx(0.05, abs=1e-6)
+    heavy_one = np.diag([2.25, 0.49])
+    assert ellipsoids([0.4, 3.0 - 2.0 * t], a @ a.T, heavy_one)[0] == pytest.approx(0.05, abs=1e-6)
     # the impact: impulse along the normal at the point of contact
     a = turned(0.4 + hit.t) * [0.5, 0.2]
     c = np.array([0.4, 3.0 - 2.0 * hit.t])
-    found = f(np.concatenate([c, (a @ a.T).ravel(), [2.25, 0, 0, 0.49]]))
+    found = ellipsoids(c, a @ a.T, heavy_one)
     assert found[0] == pytest.approx(0.0, abs=1e-9)
     n = found[1:]
     arm = -a @ a.T @ n / np.linalg.norm(a.T @ n)
@@ -244,12 +276,13 @@ def test_an_ellipse_bounces_on_a_fixed_one_as_by_hand():
     assert [way.vx[0], way.vy[0], way.omega[0]] == pytest.approx([impulse * n[0], -2.0 + impulse * n[1], 1.0 + lever * impulse / top.inertia], abs=1e-7)
 
 
-@pytest.mark.parametrize("shape", ["ellipse", "box", "capsule"])
+@pytest.mark.parametrize("shape", ["ellipse", "superellipse", "box", "capsule"])
 def test_dropped_bodies_come_to_rest_on_each_other(shape):
     w = swb.World(mu=0.5, e=0.1)
     w.floor(), w.wall(-0.9), w.wall(0.9, free="left")
     make = {
         "ellipse": lambda: w.ellipse(0.5, 0.3, mass=1.0),
+        "superellipse": lambda: w.superellipse(0.5, 0.3, 4.0, mass=1.0),
         "box": lambda: w.box(0.8, 0.5, mass=1.0, rounding=0.05),
         "capsule": lambda: w.capsule(0.6, 0.2, mass=1.0),
     }[shape]
@@ -330,6 +363,9 @@ def test_shapes_without_a_distance_are_refused():
     with pytest.raises(swb.UnsupportedError, match="rounding"):
         w.contacts((box, ellipse))
     w.contacts((box, rounded), (rounded, ellipse), (ellipse, point))
+    for given, words in (({"exponent": 1.5}, "exponent"), ({"flat": 0.0}, "flat"), ({"flat": 1.0}, "flat"), ({"b": 1e-4, "flat": 0.5}, "slender")):
+        with pytest.raises(swb.RangeError, match=words):
+            w.superellipse(**{"a": 1.0, "b": 0.5, "exponent": 4.0, "mass": 1.0, **given})
     for rounding in (-0.1, 0.5, np.nan):
         with pytest.raises(swb.RangeError, match="rounding"):
             w.box(1, 1, mass=1.0, rounding=rounding)

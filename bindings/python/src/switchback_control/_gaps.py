@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -52,55 +53,75 @@ class _Edge:
 _PARALLEL = 1e-8
 
 
-def _measured(squares_of: tuple[bool, bool], n: int) -> tuple[Graph, Any]:
-    """A graph with a way between two bodies and their matrices as inputs, and the gap and normal of these."""
-    g = Graph()
-    x = g.inputs("x", n + n * n * sum(squares_of))
-    matrices: list[Any] = []
-    for there in squares_of:
-        first = n + n * n * sum(m is not None for m in matrices)
-        matrices.append([[x[first + n * i + j] for j in range(n)] for i in range(n)] if there else None)
-    return g, (x, matrices)
+@dataclass(frozen=True)
+class _Frame:
+    """The rotation of a body as a matrix, where it is all that is known of it."""
+
+    rows: Any
+
+    def turned(self, v: Any) -> list[Any]:
+        return [sp.dot(row, v) for row in self.rows]
+
+    def back(self, v: Any) -> list[Any]:
+        return [sp.dot([row[i] for row in self.rows], v) for i in range(len(v))]
 
 
-@lru_cache(maxsize=16)
-def _numbers_of(squares_of: tuple[bool, bool], radii: tuple[float, float], n: int, size: float) -> Function:
-    g, (x, matrices) = _measured(squares_of, n)
-    gap, normal = _of_expressions([x[i] for i in range(n)], matrices, radii, size)
-    return g.function([gap, *normal], nx=x.size, name="gap")
+def _support(spot: _Spot, body: Any, matrix: Any) -> Callable[[Any], Any] | None:
+    """The support function of an ellipsoid or superellipse, of directions along the axes of the world; none of a ball."""
+    if matrix is None:
+        return None
+    if spot.power is None:
+        return lambda d: _sqrt(sp.dot(list(d), sp.apply(matrix, list(d))))
+    power = spot.power
+    return lambda d: power.support(body.back(list(d)))
 
 
-def _of_expressions(between: list[Any], matrices: list[Any], radii: tuple[float, float], size: float) -> tuple[Any, list[Any]]:
+def _smooth_gap(between: list[Any], spots: list[_Spot], bodies: list[Any], size: float) -> tuple[Any, list[Any]]:
+    """Gap of balls, ellipsoids and superellipses, and the normal to the first, as expressions."""
     n = len(between)
-
-    def support(d: Any) -> Any:
-        return sum(_sqrt(sp.dot([d[i] for i in range(n)], sp.apply(m, [d[i] for i in range(n)]))) for m in matrices if m is not None)
-
+    matrices = [_matrix(spot, body) for spot, body in zip(spots, bodies)]
+    parts = [f for f in (_support(*all) for all in zip(spots, bodies, matrices)) if f is not None]
     # the normal of the ellipsoid with the sum of the matrices, in the direction of the other body: right for bodies of one form
-    total = [[0.0] * n for _ in range(n)]
+    around = sum(spot.radius * spot.radius for spot in spots)
+    total = [[around if i == j else 0.0 for j in range(n)] for i in range(n)]
     for m in matrices:
         if m is not None:
             total = [[sp.plus(i, j) for i, j in zip(a, b)] for a, b in zip(total, m)]
-    around = sum(r * r for m, r in zip(matrices, radii) if m is None)
-    for i in range(n):
-        total[i][i] = sp.plus(total[i][i], around)
-    graph = _graph_among(between) or _graph_among(total)
-    ahead = solve([[graph.of(i) for i in row] for row in total], between)
+    ahead = solve(total, between)
     length = _sqrt(ahead @ ahead)
-    gap, normal = signed_distance(between, support, [ahead[i] / length for i in range(n)], size)
-    return gap - sum(radii), [normal[i] for i in range(n)]
+    gap, normal = signed_distance(between, lambda d: sum(f(d) for f in parts), [ahead[i] / length for i in range(n)], size)
+    return gap - sum(spot.radius for spot in spots), [normal[i] for i in range(n)]
 
 
-def _smooth(between: list[Any], matrices: list[Any], radii: tuple[float, float], size: float) -> tuple[Any, list[Any]]:
-    """Gap of ellipsoids with these matrices of squared semi-axes (none: a ball of the radius), and the normal to the first."""
+@lru_cache(maxsize=64)
+def _numbers_of(forms: tuple[Any, ...], n: int, size: float) -> Function:
+    """The same as a function of the way between the two and of their rotations, for shapes of these forms (`_form`)."""
+    g = Graph()
+    x = g.inputs("x", n + 2 * n * n)
+    frames = [_Frame([[x[first + n * i + j] for j in range(n)] for i in range(n)]) for first in (n, n + n * n)]
+    spots = [_Spot("", (), radius, squares and [list(row) for row in squares], power) for radius, squares, power in forms]
+    gap, normal = _smooth_gap([x[i] for i in range(n)], spots, frames, size)
+    return g.function([gap, *normal], nx=x.size, name="gap")
+
+
+def _form(spot: _Spot) -> Any:
+    return spot.radius, spot.squares and tuple(map(tuple, spot.squares)), spot.power
+
+
+def _smooth(between: list[Any], spots: list[_Spot], bodies: list[Any], size: float) -> tuple[Any, list[Any]]:
+    """The same of expressions, or of arrays of numbers."""
     if _graph_among(between) is not None:
-        return _of_expressions(between, matrices, radii, size)
-    f = _numbers_of((matrices[0] is not None, matrices[1] is not None), radii, len(between), size)
-    parts = [*between, *(entry for m in matrices if m is not None for row in m for entry in row)]
+        return _smooth_gap(between, spots, bodies, size)
+    n = len(between)
+    f = _numbers_of(tuple(_form(spot) for spot in spots), n, size)
+    parts = list(between)
+    for body in bodies:
+        columns = [body.turned([float(i == j) for i in range(n)]) for j in range(n)]
+        parts += [columns[j][i] for i in range(n) for j in range(n)]
     columns = numpy.broadcast_arrays(*[numpy.asarray(c, dtype=float) for c in parts])
     points = numpy.stack(columns, axis=-1)
-    values = numpy.array([f(x) for x in points.reshape(-1, len(parts))]).reshape(*points.shape[:-1], 1 + len(between))
-    return values[..., 0], [values[..., 1 + i] for i in range(len(between))]
+    values = numpy.array([f(x) for x in points.reshape(-1, len(parts))]).reshape(*points.shape[:-1], 1 + n)
+    return values[..., 0], [values[..., 1 + i] for i in range(n)]
 
 
 def _clamped(a: Any, half: float) -> Any:
@@ -174,8 +195,7 @@ class _Touch:
             normal = [d / distance for d in between]
             gap = distance - self.spot.radius - other.radius
         else:
-            matrices = [_matrix(self.spot, a), _matrix(other, b)]
-            gap, normal = _smooth(between, matrices, (self.spot.radius, other.radius), self.size)
+            gap, normal = _smooth(between, [self.spot, other], [a, b], self.size)
         out, _ = _out(self.spot, a, sp.scale(-1.0, normal))
         return gap, normal, out, sp.add(foot, _out(other, b, normal)[0])
 
@@ -235,7 +255,7 @@ def expressions_of(touches: list[_Touch], s: States) -> list[tuple[Any, list[Any
     for k, touch in enumerate(touches):
         if isinstance(touch.other, _Core) and len(touch.spot.at) == 2:
             a, b, core = s[touch.a], s[touch.b], touch.other
-            form = core.half, core.radius, core.side, touch.spot.radius, str(touch.spot.squares), a.angle is None, b.angle is None
+            form = core.half, core.radius, core.side, touch.spot.radius, str((touch.spot.squares, touch.spot.power)), a.angle is None, b.angle is None
             alike.setdefault(form, []).append(k)
         else:
             gap, _, sliding, _ = touch.geometry(s)
@@ -353,7 +373,7 @@ def _edges_of(core: _Core, name: str) -> list[_Edge]:
     return out
 
 
-def _matrix(spot: _Spot, body: BodyState) -> Any:
+def _matrix(spot: _Spot, body: Any) -> Any:
     """The matrix of an ellipsoid in the axes of the world; none of a ball."""
     if spot.squares is None:
         return None
@@ -364,13 +384,16 @@ def _matrix(spot: _Spot, body: BodyState) -> Any:
     return [[rows[min(i, j)][max(i, j)] for j in range(n)] for i in range(n)]
 
 
-def _out(spot: _Spot, body: BodyState, direction: list[Any]) -> tuple[list[Any], Any]:
+def _out(spot: _Spot, body: Any, direction: list[Any]) -> tuple[list[Any], Any]:
     """The way from the spot to the farthest point in the direction of a unit vector, and how far that is along it.
 
-    Of an ellipsoid with the matrix S of squared semi-axes it is S d / sqrt(d . S d)."""
+    Of an ellipsoid with the matrix S of squared semi-axes it is S d / sqrt(d . S d), the gradient of the support function."""
     if spot.squares is None:
         return sp.scale(spot.radius, direction), spot.radius
     d = body.back(direction)
+    if spot.power is not None:
+        place, reach = spot.power.farthest(d)
+        return body.turned(place), reach
     support = sp.apply(spot.squares, d)
     reach = numpy.sqrt(sp.dot(d, support))
     return body.turned([c / reach for c in support]), reach

@@ -186,6 +186,8 @@ def _outline(body: Body) -> Array:
     circle = numpy.column_stack([numpy.cos(a), numpy.sin(a)])
     if body.shape == "ellipse":
         return circle * body.size
+    if body._power is not None:
+        return body._power.outline(96)
     return body.radius * circle + numpy.sign(circle) * (body._half or (0.0, 0.0))
 
 

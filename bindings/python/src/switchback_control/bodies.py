@@ -17,7 +17,7 @@ from ._world_scene import layout_of, write
 from .errors import ArgumentError, DimensionError, RangeError, StateError, UnsupportedError
 from .multibody import SIZES, Joint
 from .scene import Scene
-from .shapes import Body, Fixed, Motion, Shape, States, _Pair, inertia_of, place_of, positive, rotation, unit
+from .shapes import Body, Fixed, Motion, Shape, States, _Pair, _Power, inertia_of, place_of, positive, rotation, unit
 
 if TYPE_CHECKING:
     from .runs import Run
@@ -35,7 +35,7 @@ class _Placed:
 
 
 class World:
-    """Rigid bodies with contacts: discs, ellipses, boxes, rods, capsules and points in the plane; spheres, boxes, capsules, ellipsoids,
+    """Rigid bodies with contacts: discs, ellipses, superellipses, boxes, rods, capsules and points in the plane; spheres, boxes, capsules, ellipsoids,
     points and links of several shapes in space, with joints; and planes that they do not pass. It writes the expressions of a
     `Scene`, which is there as `scene`.
 
@@ -143,7 +143,7 @@ class World:
     ) -> Body:
         """Add a body; `own` are the moments of inertia of a homogeneous one of mass one about its axes."""
         if not self.space:
-            there = "discs, ellipses, boxes, rods, capsules, points and planes"
+            there = "discs, ellipses, superellipses, boxes, rods, capsules, points and planes"
             raise UnsupportedError(f"this world is in the plane: it has {there}, not {shape}s")
         name = self._name(name, shape)
         m = positive(mass, f"the mass of {name}")
@@ -208,6 +208,35 @@ class World:
         semi = positive(a, "the semi-axis a of an ellipse"), positive(b, "the semi-axis b of an ellipse")
         own = 0.25 * (semi[0] ** 2 + semi[1] ** 2)
         return self._add("ellipse", name, mass, inertia, own, size=semi, turns=True)
+
+    def superellipse(
+        self,
+        a: float,
+        b: float,
+        exponent: float,
+        mass: float,
+        inertia: float | None = None,
+        name: str | None = None,
+        flat: float = 0.02,
+    ) -> Body:
+        """Add a superellipse |x/a|^exponent + |y/b|^exponent <= 1, in the plane, with an exponent of 2 or more: an ellipse that is
+        nearly a box. Without `inertia` it is homogeneous.
+
+        The middles of its sides have no curvature, and two such sides no point of contact. So they are bent a little: `flat` is the
+        share of the length of a direction that counts across, between 0 and 1, and the semi-axes stay as they are. It is a support
+        function (`signed_distance`) that is stated, and nothing else is approximated.
+        """
+        semi = positive(a, "the semi-axis a of a superellipse"), positive(b, "the semi-axis b of a superellipse")
+        p, share = number(exponent, "the exponent of a superellipse"), number(flat, "flat of a superellipse")
+        if not 2.0 <= p < math.inf:
+            raise RangeError(f"the exponent of a superellipse is {p:g}: it must be 2 or more")
+        if not 0.0 < share < 1.0:
+            raise RangeError(f"flat of a superellipse is {share:g}: it must be between 0 and 1")
+        x, y = _Power.of(semi, p, share).outline(20000).T
+        cross = x * numpy.roll(y, -1) - y * numpy.roll(x, -1)
+        squares = sum(c * c + c * numpy.roll(c, -1) + numpy.roll(c, -1) ** 2 for c in (x, y))
+        own = float(numpy.sum(cross * squares) / (6.0 * numpy.sum(cross)))
+        return self._add("superellipse", name, mass, inertia, own, size=semi, turns=True, power=(p, share))
 
     def rod(self, length: float, mass: float, inertia: float | None = None, name: str | None = None) -> Body:
         """Add a thin rod, whose ends touch planes; it is horizontal at angle 0. Without `inertia` it is homogeneous."""

@@ -142,6 +142,54 @@ class Shape:
 
 
 @dataclass(frozen=True)
+class _Power:
+    """A superellipse by its support function, of directions in its axes, with the conjugate exponent q:
+
+    h(d) = (sum over i of (scales[i] (d[i]^2 + flat^2 |d|^2))^(q/2))^(1/q)
+
+    Each term is the support function of an ellipse, so this is one of a convex body. With `flat` zero it is the superellipse, whose sides
+    have no curvature in their middles. That is why there is a little of it.
+    """
+
+    scales: tuple[float, float]
+    q: float
+    flat: float
+
+    @staticmethod
+    def of(semi: tuple[float, float], exponent: float, flat: float) -> _Power:
+        """With these semi-axes: the powers of the scales solve two linear equations."""
+        q = exponent / (exponent - 1.0)
+        own, other = (1.0 + flat * flat) ** (0.5 * q), flat**q
+        powers = numpy.linalg.solve([[own, other], [other, own]], [s**q for s in semi])
+        if not numpy.all(powers > 0.0):
+            raise RangeError(f"a superellipse with semi-axes {semi} is too slender for flat={flat:g}: take a smaller one")
+        return _Power(tuple((powers ** (2.0 / q)).tolist()), q, flat)
+
+    def _terms(self, d: Any) -> list[Any]:
+        square = self.flat * self.flat * (d[0] * d[0] + d[1] * d[1])
+        return [s * (c * c + square) for s, c in zip(self.scales, d)]
+
+    def support(self, d: Any) -> Any:
+        x, y = self._terms(d)
+        return (x ** (0.5 * self.q) + y ** (0.5 * self.q)) ** (1.0 / self.q)
+
+    def farthest(self, d: Any) -> tuple[list[Any], Any]:
+        """The point that is farthest in a direction, and how far that is."""
+        x, y = self._terms(d)
+        h = self.support(d)
+        slopes = [s * t ** (0.5 * self.q - 1.0) for s, t in zip(self.scales, (x, y))]
+        both = self.flat * self.flat * (slopes[0] + slopes[1])
+        return [(s + both) * c * h ** (1.0 - self.q) for s, c in zip(slopes, d)], h
+
+    def outline(self, n: int) -> Array:
+        """Points of the boundary, [n, 2]."""
+        a = numpy.linspace(0.0, 2.0 * math.pi, n + 1)[:-1]
+        # directions where the boundary is flat stand close to each other
+        d = numpy.array([numpy.sign(numpy.cos(a)) * numpy.abs(numpy.cos(a)) ** 3, numpy.sign(numpy.sin(a)) * numpy.abs(numpy.sin(a)) ** 3])
+        return numpy.stack(self.farthest(d)[0], axis=-1)
+
+
+@dataclass(frozen=True)
 class _Spot:
     """What can touch a plane: a point of a body with its radius, or a centre with the matrix of squared semi-axes of an ellipsoid."""
 
@@ -149,16 +197,18 @@ class _Spot:
     at: tuple[float, ...]
     radius: float
     squares: Any = None
+    power: _Power | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
     """A body that moves, as `World.disc` and its like return it.
 
-    name, shape    "disc", "ellipse", "box", "rod", "capsule", "point" in the plane; "sphere", "box", "capsule", "ellipsoid", "point"
+    name, shape    "disc", "ellipse", "superellipse", "box", "rod", "capsule", "point" in the plane; "sphere", "box", "capsule", "ellipsoid", "point"
                    or "link" (of any shapes) in space
     mass, inertia  inertia about the centre of mass; in space three rows in the axes of the body, or one number for all axes
     radius         of discs, spheres and capsules, and of the corners of a box, else 0
+    power          exponent and flatness of a superellipse
     size           width and height of a box, semi-axes of an ellipse, length of a rod or between the ends of a capsule, and 0; in
                    space that of `Shape`
     shapes         the shapes of a body in space
@@ -172,6 +222,11 @@ class Body:
     size: tuple[float, ...] = (0.0, 0.0)
     turns: bool | None = None
     shapes: tuple[Shape, ...] = ()
+    power: tuple[float, float] | None = None
+
+    @property
+    def _power(self) -> _Power | None:
+        return None if self.power is None else _Power.of((self.size[0], self.size[1]), *self.power)
 
     @property
     def _spots(self) -> list[_Spot]:
@@ -183,9 +238,9 @@ class Body:
             return [_Spot(f"{n} {s.name}".strip(), s.at, s.radius, s.squares) for n, s in found]
         if self.shape == "link":
             return []
-        if self.shape == "ellipse":
+        if self.shape in ("ellipse", "superellipse"):
             a, b = self.size
-            return [_Spot("", (0.0, 0.0), 0.0, [[a * a, 0.0], [0.0, b * b]])]
+            return [_Spot("", (0.0, 0.0), 0.0, [[a * a, 0.0], [0.0, b * b]], self._power)]
         a, b = self._half or (0.0, 0.0)
         places = [("", 0.0, 0.0)]
         if self.shape == "box":
