@@ -118,6 +118,7 @@ NAVIGATION = """
       - Overview: dev/README.md
       - Architecture: dev/architecture.md
       - Modes from expressions: dev/algorithms/models.md
+      - Inner problems: dev/algorithms/inner.md
       - Event-driven simulation: dev/algorithms/events.md
       - Events of single units: dev/algorithms/calendar.md
       - Derivatives: dev/algorithms/derivatives.md
