@@ -352,6 +352,43 @@ def test_crossed_capsules_bounce_like_their_middle_lines():
     assert hit.normal == pytest.approx(1.5 / (1.0 + 0.04 / across), rel=1e-9)
 
 
+def test_derivatives_through_impacts_of_ellipses():
+    w = swb.World(gravity=1.0, e=0.8, controls="F")
+    a, b = w.ellipse(0.5, 0.2, mass=1.0, name="a"), w.ellipse(0.6, 0.4, mass=2.0, name="b")
+    w.floor()
+    w.force(a, lambda s: [s.u[0], 0.0])
+    w.place(a, x=0.1, y=2.0, angle=0.5)
+    w.place(b, y=0.8)
+    x0, scene = np.concatenate(w.start()), w.scene
+    n = scene.n_q
+
+    def end(x, u):
+        return scene.simulate(x[:n], x[n:], 1.6, u=[u], **TIGHT).x_end
+
+    run = scene.simulate(x0[:n], x0[n:], 1.6, u=[0.1], sensitivity=True, **TIGHT)
+    assert {i.name for i in run.impacts} == {"a-b", "b-floor"}
+    h = 1e-6
+    differences = np.array([(end(x0 + h * e, 0.1) - end(x0 - h * e, 0.1)) / (2 * h) for e in np.eye(2 * n)]).T
+    scale = np.abs(differences).max()
+    assert run.dx_dx0 == pytest.approx(differences, abs=1e-5 * scale)
+    assert run.dx_du[:, 0] == pytest.approx((end(x0, 0.1 + h) - end(x0, 0.1 - h)) / (2 * h), abs=1e-5 * scale)
+
+
+def test_an_ellipse_is_pushed_by_another_at_least_effort():
+    w = swb.World(gravity=0.0, e=0.5, controls="Fx Fy")
+    a, b = w.ellipse(0.5, 0.2, mass=1.0, name="a"), w.ellipse(0.6, 0.4, mass=1.0, name="b")
+    w.force(a, lambda s: [s.u[0], s.u[1], 0.0])
+    w.place(a, x=-2.0, y=0.1, angle=0.5)
+    w.place(b)
+    scene, states = w.scene, w.states
+    effort = scene.function(scene.u[0] ** 2 + scene.u[1] ** 2, "effort")
+    ocp = swb.Ocp(scene, 2.0, 8, initial_state=np.concatenate(w.start()), control_bounds=(-5, 5), lagrange=effort)
+    ocp.add_terminal(scene.function([states[b].x], "place"), [0.5], [0.5])
+    result = ocp.solve()
+    assert "solved" in repr(result) and "local_optimum" in repr(result)
+    assert result["b.x"][-1] == pytest.approx(0.5, abs=1e-6)
+
+
 def test_shapes_without_a_distance_are_refused():
     w = swb.World()
     box, other, rounded = w.box(1, 1, mass=1.0), w.box(1, 1, mass=1.0), w.box(1, 1, mass=1.0, rounding=0.1)
