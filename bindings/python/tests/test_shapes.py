@@ -352,6 +352,16 @@ def test_crossed_capsules_bounce_like_their_middle_lines():
     assert hit.normal == pytest.approx(1.5 / (1.0 + 0.04 / across), rel=1e-9)
 
 
+def test_documents_hold_shapes():
+    w = swb.World(gravity=1.0, e=0.8, mu=0.2)
+    a, b = w.ellipse(0.5, 0.2, mass=1.0, name="a"), w.superellipse(0.6, 0.4, 4.0, mass=2.0, name="b")
+    w.floor()
+    w.place(a, x=0.1, y=2.0, angle=0.5), w.place(b, y=0.8)
+    one = w.simulate(1.6)
+    other = swb.Scene.from_json(w.scene.to_json()).simulate(*w.start(), 1.6)
+    assert len(one.impacts) == len(other.impacts) > 2 and list(one.x_end) == list(other.x_end)
+
+
 def test_derivatives_through_impacts_of_ellipses():
     w = swb.World(gravity=1.0, e=0.8, controls="F")
     a, b = w.ellipse(0.5, 0.2, mass=1.0, name="a"), w.ellipse(0.6, 0.4, mass=2.0, name="b")
