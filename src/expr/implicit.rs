@@ -483,6 +483,19 @@ impl Dag {
         Ok((all[0], all[1..].to_vec()))
     }
 
+    /// Unknowns of all inner problems that are solved where the nodes are evaluated.
+    pub fn inner_unknowns(&self, roots: &[Id]) -> usize {
+        let problem = |id: Id| match self.node(id) {
+            Node::Pick(g, _) => match &self.groups[g as usize].group {
+                Group::Call { function, .. } => Implicit::of(&self.functions[*function as usize]).map(|f| (g, f.n)),
+                _ => None,
+            },
+            _ => None,
+        };
+        let found: BTreeMap<u32, usize> = self.reachable(roots).into_iter().filter_map(problem).collect();
+        found.values().sum()
+    }
+
     fn solved(&mut self, least: bool, own: &[Id], unknowns: &[Id], start: &[Id]) -> Result<Vec<Id>> {
         let n = unknowns.len();
         if n == 0 || start.len() != n {

@@ -554,6 +554,9 @@ impl Builder<'_> {
             projection,
         };
         let mut report = Report::new(stated, &mechanics, &kept, dropped);
+        for (line, &k) in report.contacts.iter_mut().zip(&kept) {
+            line.inner = stated.contacts[k].gap().map_or(0, |gap| self.dag.inner_unknowns(&[gap]));
+        }
         report.transitions = stated.transitions.iter().map(|t| t.text(self.dag, &s.names)).collect();
         let mut system = System::of_mechanics(mechanics, dims.u, dims.p)?;
         for (k, t) in stated.transitions.iter().enumerate() {

@@ -20,6 +20,8 @@ pub struct ContactReport {
     pub watched: [usize; 3],
     /// Unknown forces while it is closed.
     pub unknowns: usize,
+    /// Unknowns of inner problems that are solved where the gap is evaluated.
+    pub inner: usize,
 }
 
 /// A contact that cannot close.
@@ -76,6 +78,7 @@ impl Report {
                 _ => [1, 2, 2],
             },
             unknowns: usize::from(!c.kind.has_no_normal()) + c.n_tangents,
+            inner: 0,
         };
         Report {
             name: s.name.clone(),
@@ -128,9 +131,13 @@ impl fmt::Display for Report {
                 _ => "friction in space",
             };
             let one = |n: usize| if n == 1 { "1 force".to_owned() } else { format!("{n} forces") };
+            let inner = match c.inner {
+                0 => String::new(),
+                n => format!("; its gap solves for {n} unknowns"),
+            };
             writeln!(
                 f,
-                "contact {}: {friction}; watched while open {open}, sliding {slips}, sticking {sticks}; {} while closed",
+                "contact {}: {friction}; watched while open {open}, sliding {slips}, sticking {sticks}; {} while closed{inner}",
                 c.name,
                 one(c.unknowns)
             )?;
@@ -156,7 +163,7 @@ impl Report {
                 Kind::Switch => "switch",
             };
             serde_json::json!({
-                "contact": c.contact, "name": c.name, "kind": kind, "tangents": c.n_tangents, "unknowns": c.unknowns,
+                "contact": c.contact, "name": c.name, "kind": kind, "tangents": c.n_tangents, "unknowns": c.unknowns, "inner_unknowns": c.inner,
                 "watched": {"open": c.watched[0], "sliding": c.watched[1], "sticking": c.watched[2]},
             })
         };

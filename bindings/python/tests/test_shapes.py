@@ -352,6 +352,14 @@ def test_crossed_capsules_bounce_like_their_middle_lines():
     assert hit.normal == pytest.approx(1.5 / (1.0 + 0.04 / across), rel=1e-9)
 
 
+def test_reports_say_what_gaps_solve_for():
+    w = swb.World()
+    a, b = w.ellipse(0.5, 0.2, mass=1.0, name="a"), w.ellipse(0.6, 0.4, mass=2.0, name="b")
+    w.contacts((a, b), (a, w.floor()))
+    assert [c["inner_unknowns"] for c in w.scene.report_data()["contacts"]] == [2, 0]
+    assert "its gap solves for 2 unknowns" in w.scene.report()
+
+
 def test_documents_hold_shapes():
     w = swb.World(gravity=1.0, e=0.8, mu=0.2)
     a, b = w.ellipse(0.5, 0.2, mass=1.0, name="a"), w.superellipse(0.6, 0.4, 4.0, mass=2.0, name="b")
