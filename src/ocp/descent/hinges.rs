@@ -15,17 +15,9 @@ use nalgebra::{DMatrix, DVector};
 const POWERS: usize = 8;
 /// Share of the slopes below which a change of them is rounding.
 const ROUNDING: f64 = 1e-9;
-/// A change of slopes that exceeds what curvature explains by this factor is a kink.
-const BENT: f64 = 2.0;
-
-/// What slopes of cost and constraints change by.
-pub(super) fn bend(here: &Values, there: &Values) -> DMatrix<f64> {
-    let (n, m) = (here.gradient.len(), here.rows.len());
-    DMatrix::from_fn(1 + m, n, |i, j| match i {
-        0 => there.gradient[j] - here.gradient[j],
-        i => there.jacobian[(i - 1) * n + j] - here.jacobian[(i - 1) * n + j],
-    })
-}
+/// Shares of the way to another point between which slopes change in the middle: that is what curvature does, and a kink is elsewhere when
+/// it is seen from the next point.
+const MIDDLE: [f64; 2] = [0.4, 0.6];
 
 /// A kink as it is seen from a point.
 #[derive(Debug, Clone)]
@@ -39,11 +31,13 @@ pub(super) struct Hinge {
 }
 
 impl Hinge {
-    /// The kink between a point `y` with values `here` and another one on its other side; nothing where slopes differ by no more than they do in the
-    /// neighbourhood, `curved` for a step of length one.
-    pub fn between((y, here): (&[f64], &Values), (at, there): (&[f64], &Values), curved: f64) -> Option<Hinge> {
+    /// The kink between a point `y` with values `here` and another one on its other side; nothing where slopes are the same there, or differ by curvature.
+    pub fn between((y, here): (&[f64], &Values), (at, there): (&[f64], &Values)) -> Option<Hinge> {
         let (n, m) = (y.len(), here.rows.len());
-        let bend = bend(here, there);
+        let bend = DMatrix::from_fn(1 + m, n, |i, j| match i {
+            0 => there.gradient[j] - here.gradient[j],
+            i => there.jacobian[(i - 1) * n + j] - here.jacobian[(i - 1) * n + j],
+        });
         let way = DVector::from_iterator(n, at.iter().zip(y).map(|(a, b)| a - b));
         // what the functions of the other side are above those of this one, at this point
         let value = |i: usize| if i == 0 { there.cost - here.cost } else { there.rows[i - 1] - here.rows[i - 1] };
@@ -55,7 +49,7 @@ impl Hinge {
         let steepest = here.gradient.iter().chain(&here.jacobian).fold(0f64, |a, v| a.max(v.abs()));
         let longest = (0..=m).max_by(|&a, &b| bend.row(a).norm_squared().total_cmp(&bend.row(b).norm_squared()))?;
         let mut across = bend.row(longest).transpose();
-        if !(bend.norm() > (BENT * curved * way.norm()).max(ROUNDING * steepest) && across.norm().is_finite()) {
+        if !(across.norm() > ROUNDING * steepest && across.norm().is_finite()) {
             return None;
         }
         for _ in 0..POWERS {
@@ -68,7 +62,10 @@ impl Hinge {
             across.neg_mut();
         }
         let jump = &bend * &across;
-        let distance = -jump.dot(&above) / jump.norm_squared();
+        let (distance, reach) = (-jump.dot(&above) / jump.norm_squared(), across.dot(&way));
+        if !(distance < reach) || (MIDDLE[0] * reach..MIDDLE[1] * reach).contains(&distance) {
+            return None;
+        }
         Some(Hinge {
             across: across.as_slice().to_vec(),
             distance: distance.max(0.0),

@@ -10,7 +10,7 @@
 //! combination that vanishes: no direction leads down.
 
 use super::blocks::{bends, Block, Hessian};
-use super::hinges::{bend, Hinge};
+use super::hinges::Hinge;
 use super::missed;
 use crate::error::{Error, Result};
 use crate::nlp::IterationInfo;
@@ -195,8 +195,6 @@ struct Descent<'a> {
     /// Price of violations.
     price: f64,
     pieces: Vec<Piece>,
-    /// What slopes change by over a step of length one, where no kink is.
-    curved: f64,
     /// Multipliers of the constraints as last found: kinks are looked at in the Lagrange function.
     multipliers: Vec<f64>,
 }
@@ -395,7 +393,6 @@ impl<'a> Descent<'a> {
             solver,
             price: PRICE,
             pieces: Vec::new(),
-            curved: 0.0,
             multipliers: vec![0.0; m],
         }))
     }
@@ -478,7 +475,7 @@ impl<'a> Descent<'a> {
 
     /// Kinks that are known, as they are seen from a point.
     fn hinges(&self, y: &[f64], here: &Values) -> Vec<Option<Hinge>> {
-        self.pieces.iter().map(|p| Hinge::between((y, here), (&p.y, &p.values), self.curved)).collect()
+        self.pieces.iter().map(|p| Hinge::between((y, here), (&p.y, &p.values))).collect()
     }
 
     /// Solves the model at `here` within a box: on the side of all kinks that the point is on, then behind those that are worth crossing, one after
@@ -680,10 +677,6 @@ impl<'a> Descent<'a> {
                 let at_kink = found.row_mu[self.m..].iter().any(|mu| mu.abs() > NOTHING) || crossed.contains(&true);
                 if ratio < GOOD || at_kink {
                     self.remember(&y, &here, before, &there);
-                } else {
-                    let length = y.iter().zip(&before).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-                    let now = bend(&there, &here).norm() / length;
-                    self.curved = if self.curved > 0.0 { self.curved.min(now) } else { now };
                 }
                 self.rescale(&mut here);
             } else if reached {
@@ -782,7 +775,7 @@ impl<'a> Descent<'a> {
     fn remember(&mut self, y: &[f64], here: &Values, at: Vec<f64>, values: &Values) -> bool {
         let values = Values { blocks: Vec::new(), ..values.clone() };
         let piece = Piece { y: at, values };
-        let kink = |p: &Piece| Hinge::between((y, here), (&p.y, &p.values), self.curved);
+        let kink = |p: &Piece| Hinge::between((y, here), (&p.y, &p.values));
         let own = kink(&piece);
         let alike = |p: &Piece| match (&own, kink(p)) {
             (Some(own), Some(other)) => dot(&own.across, &other.across) > PARALLEL,
