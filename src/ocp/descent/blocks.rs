@@ -1,24 +1,10 @@
-//! A problem in single shooting taken apart by its stages, and the Hessian of its Lagrange function by those of the stages.
+//! A problem in single shooting taken apart by its stages.
 //!
-//! The state behind a stage is a function of the inputs of the stage: the state before it, and the controls, lengths, parameters that act in it. With the
-//! costates `λ` of the motion the Hessian of the Lagrange function by the variables `z` is a sum,
-//!
-//! ```text
-//! ∇²L = Σ_k W_kᵀ ∇²H_k W_k,    H_k = cost_k + μᵀ rows_k + λ_{k+1}ᵀ x_{k+1},    W_k = ∂inputs_k / ∂z.
-//! ```
-//!
-//! Every `H_k` is a function of few inputs and has a damped BFGS update of its own (M. J. D. Powell, 1978), so that one step shows as many curvatures
-//! as there are stages, and steps do not grow with their number (H. G. Bock, K. J. Plitt, *A multiple shooting algorithm for direct solution of
-//! optimal control problems*, 1984).
+//! The state behind a stage is a function of the inputs of the stage: the state before it, and the controls, lengths, parameters that act in it. With
+//! `W_k = ∂inputs_k / ∂z` all derivatives by the variables `z` are products with those by the inputs, the costates follow from the last stage
+//! to the first, and second derivatives of the cost `l_k` of the stages make those of the whole, `Σ_k W_kᵀ ∇²l_k W_k`, with states linear in `z`.
 
-use nalgebra::{DMatrix, DVector};
-
-/// Least curvature along a step, relative to that of the model, of Powell's damping.
-const DAMPING: f64 = 0.2;
-/// Share of a known curvature that is added to it: combinations of variables may have none.
-const REGULAR: f64 = 1e-3;
-/// Share of the largest curvature below which one counts as none.
-const NOTHING: f64 = 1e-10;
+use nalgebra::DMatrix;
 
 /// A stage, or what leads from a problem to the next: values at a point and derivatives by its inputs.
 #[derive(Debug, Clone)]
@@ -45,24 +31,6 @@ pub(in crate::ocp) struct Block {
 }
 
 impl Block {
-    /// A program that is not taken apart, of `n` variables.
-    pub fn whole(z: &[f64], gradient: &[f64], jacobian: &[f64]) -> Block {
-        let n = z.len();
-        Block {
-            begins: false,
-            states: 0,
-            inputs: z.to_vec(),
-            dense: DMatrix::zeros(0, n),
-            own: (0..n).map(|j| (j, j, 1.0)).collect(),
-            next: DMatrix::zeros(0, n),
-            cost: gradient.to_vec(),
-            first: 0,
-            rows: jacobian.to_vec(),
-            start: Vec::new(),
-            curvature: None,
-        }
-    }
-
     /// Rows `by` of derivatives by the inputs as derivatives by the variables.
     pub fn by_variables(&self, by: &DMatrix<f64>) -> DMatrix<f64> {
         let mut out = by.columns(0, self.dense.nrows()) * &self.dense;
@@ -111,12 +79,6 @@ impl Block {
         }
         out
     }
-
-    /// Changes the units of the variables to these.
-    pub fn scale(&mut self, size: &[f64]) {
-        self.dense.column_iter_mut().zip(size).for_each(|(mut c, s)| c *= *s);
-        self.own.iter_mut().for_each(|(_, variable, factor)| *factor *= size[*variable]);
-    }
 }
 
 /// Gradients of the Hamiltonians of all blocks, with costates behind them: from the last one to the first, in reverse order.
@@ -154,107 +116,18 @@ impl Gradients {
     }
 }
 
-/// Second derivatives of the cost by each of `n` variables, as far as they are known.
-pub(super) fn bends(blocks: &[Block], n: usize) -> Vec<f64> {
-    let mut out = vec![0.0; n * n];
-    Hessian { of: of_cost(blocks, 1.0), curved: true }.assemble(blocks, &mut out);
-    out.into_iter().step_by(n + 1).collect()
-}
-
-fn of_cost(blocks: &[Block], unit: f64) -> Vec<DMatrix<f64>> {
-    let none = |b: &Block| DMatrix::zeros(b.inputs.len(), b.inputs.len());
-    blocks.iter().map(|b| b.curvature.as_ref().map_or_else(|| none(b), |c| c * unit)).collect()
-}
-
-/// The Hessian of a Lagrange function by those of its blocks.
-#[derive(Debug, Default)]
-pub(super) struct Hessian {
-    /// `[q × q]` of each.
-    of: Vec<DMatrix<f64>>,
-    /// Does something of it come from the cost?
-    pub curved: bool,
-}
-
-impl Hessian {
-    /// What is known before steps have shown more: the curvature of the cost, times `unit`, and for variables of which that says nothing
-    /// the curvature `guess`.
-    pub fn restart(&mut self, blocks: &[Block], unit: f64, guess: f64, out: &mut [f64]) {
-        self.curved = blocks.iter().any(|b| b.curvature.is_some());
-        self.of = of_cost(blocks, unit);
-        self.assemble(blocks, out);
-        let n = (out.len() as f64).sqrt() as usize;
-        let diagonal: Vec<f64> = out.iter().step_by(n + 1).copied().collect();
-        let largest = diagonal.iter().fold(0f64, |m, d| m.max(*d));
-        let more = |v: usize| if diagonal[v] > NOTHING * largest { REGULAR * diagonal[v] } else { guess };
-        let inputs: Vec<Vec<(usize, usize, f64)>> = blocks.iter().map(begun).collect();
-        let mut count = vec![0.0; n];
-        inputs.iter().flatten().for_each(|(_, v, _)| count[*v] += 1.0);
-        for (own, inputs) in self.of.iter_mut().zip(&inputs) {
-            for &(input, v, factor) in inputs {
-                own[(input, input)] += more(v) / (count[v] * factor * factor);
-            }
-        }
-        self.assemble(blocks, out);
-    }
-
-    /// The damped updates with what a step shows of the Hamiltonians at its end, with weights of the cost and of all constraints.
-    pub fn update(&mut self, here: &[Block], there: &[Block], weights: (f64, &[f64]), out: &mut [f64]) {
-        let end = Gradients::new(there, weights);
-        for (k, own) in self.of.iter_mut().enumerate() {
-            let start = here[k].gradient(&end.behind[k], weights);
-            let step =
-                DVector::from_iterator(start.len(), there[k].inputs.iter().zip(&here[k].inputs).map(|(a, b)| a - b));
-            let change = DVector::from_iterator(start.len(), end.of[k].iter().zip(&start).map(|(a, b)| a - b));
-            damped(own, &step, change);
-        }
-        self.assemble(there, out);
-    }
-
-    /// The sum over all blocks `[n · n]`.
-    fn assemble(&self, blocks: &[Block], out: &mut [f64]) {
-        out.fill(0.0);
-        let n = (out.len() as f64).sqrt() as usize;
-        let mut sum = nalgebra::DMatrixViewMut::from_slice(out, n, n);
-        for (own, block) in self.of.iter().zip(blocks) {
-            let (variables, inputs) = block.acting();
-            let part = inputs.transpose() * (own * &inputs);
-            for (&at, column) in variables.iter().zip(part.column_iter()) {
-                let mut to = sum.column_mut(at);
-                variables.iter().zip(column.iter()).for_each(|(&i, v)| to[i] += v);
-            }
+/// Second derivatives of the cost by the variables as far as they are known, `[n · n]`; nothing where none are.
+pub(super) fn curvature(blocks: &[Block], n: usize) -> Option<DMatrix<f64>> {
+    let mut sum: Option<DMatrix<f64>> = None;
+    for block in blocks {
+        let Some(own) = &block.curvature else { continue };
+        let (variables, inputs) = block.acting();
+        let part = inputs.transpose() * (own * &inputs);
+        let sum = sum.get_or_insert_with(|| DMatrix::zeros(n, n));
+        for (&at, column) in variables.iter().zip(part.column_iter()) {
+            let mut to = sum.column_mut(at);
+            variables.iter().zip(column.iter()).for_each(|(&i, v)| to[i] += v);
         }
     }
-}
-
-/// Inputs of a block that are a multiple of a variable alone; at the start of a problem initial states are, too.
-fn begun(block: &Block) -> Vec<(usize, usize, f64)> {
-    let mut out = block.own.clone();
-    if block.begins {
-        for i in 0..block.states.min(block.dense.nrows()) {
-            let row = block.dense.row(i);
-            let mut entries = row.iter().enumerate().filter(|(_, v)| **v != 0.0);
-            if let (Some((v, factor)), None) = (entries.next(), entries.next()) {
-                out.push((i, v, *factor));
-            }
-        }
-    }
-    out
-}
-
-/// The update of a Hessian with a step and the change of the gradient along it.
-fn damped(h: &mut DMatrix<f64>, s: &DVector<f64>, mut change: DVector<f64>) {
-    let hs = &*h * s;
-    let (shs, sy) = (s.dot(&hs), s.dot(&change));
-    if !sy.is_finite() || !(shs > 0.0 || sy > 0.0) {
-        return;
-    }
-    if sy < DAMPING * shs {
-        let theta = (1.0 - DAMPING) * shs / (shs - sy);
-        change = change * theta + &hs * (1.0 - theta);
-    }
-    let sr = s.dot(&change);
-    h.ger(1.0 / sr, &change, &change, 1.0);
-    if shs > 0.0 {
-        h.ger(-1.0 / shs, &hs, &hs, 1.0);
-    }
+    sum
 }
