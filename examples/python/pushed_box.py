@@ -26,7 +26,10 @@ def problem(stages=STAGES, swings=True, **options):
     s.friction("floor", s.q[0], MU * BOX * G)
     s.contact("touch", s.q[0] - s.q[1])
     ocp = swb.Ocp(s, HORIZON, stages, initial_state=[0.0, 0.0, 0.0, 0.0], **options)
-    if not swings:
+    if swings:
+        # a guess: the hand is pulled back, then both come to the goal
+        ocp.set_state_guess([0.0, 0.4, 0.7, HORIZON], [[0, 0, 0, 0], [0, -0.1, 0, 0], [0, 0, 0, 1], [WAY, WAY, 0, 0]])
+    else:
         ocp.set_control_bounds([0.0], [np.inf])
     ocp.set_lagrange(s.push**2)
     ocp.add_terminal([s.q[0], s.v[0]], [WAY, 0.0], [WAY, 0.0])
