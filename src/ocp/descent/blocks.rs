@@ -13,8 +13,8 @@ pub(in crate::ocp) struct Block {
     pub begins: bool,
     /// The first of its inputs: the state behind the block before.
     pub states: usize,
-    /// `[q]`
-    pub inputs: Vec<f64>,
+    /// The number of inputs `q`.
+    pub n_inputs: usize,
     /// Derivatives of the first inputs by the variables, `[at most q × n]`.
     pub dense: DMatrix<f64>,
     /// Inputs behind those that are a multiple of a variable: the input, the variable, the factor.
@@ -45,7 +45,7 @@ impl Block {
         let mut acts: Vec<bool> = self.dense.column_iter().map(|c| c.iter().any(|v| *v != 0.0)).collect();
         self.own.iter().for_each(|(_, variable, _)| acts[*variable] = true);
         let variables: Vec<usize> = (0..acts.len()).filter(|&v| acts[v]).collect();
-        let mut inputs = DMatrix::zeros(self.inputs.len(), variables.len());
+        let mut inputs = DMatrix::zeros(self.n_inputs, variables.len());
         for (mut to, &v) in inputs.column_iter_mut().zip(&variables) {
             to.rows_mut(0, self.dense.nrows()).copy_from(&self.dense.column(v));
         }
@@ -59,7 +59,7 @@ impl Block {
 
     /// Derivatives of its cost and its constraints by the variables, where those of the state at the start of the problem are `start`.
     pub fn derivatives(&self, start: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
-        let q = self.inputs.len();
+        let q = self.n_inputs;
         let mut rows = self.by_variables(&DMatrix::from_row_slice(self.rows.len() / q, q, &self.rows));
         for (first, by) in &self.start {
             rows.rows_mut(first - self.first, by.nrows()).gemm(1.0, by, start, 1.0);
@@ -81,12 +81,11 @@ impl Block {
     }
 }
 
-/// Gradients of the Hamiltonians of all blocks, with costates behind them: from the last one to the first, in reverse order.
+/// Gradients of the Hamiltonians `cost + μᵀ rows + λᵀ next` of all blocks by their inputs, with the costates `λ` behind each; the first of them are the
+/// costates in front.
 pub(in crate::ocp) struct Gradients {
     /// `[q]` of each.
     pub of: Vec<Vec<f64>>,
-    /// `[nx]` of each.
-    pub behind: Vec<Vec<f64>>,
     /// Of constraints between both ends, by the state at the start of the first problem.
     pub start: Vec<f64>,
 }
@@ -95,12 +94,12 @@ impl Gradients {
     /// With weights of the cost and of all constraints.
     pub fn new(blocks: &[Block], weights: (f64, &[f64])) -> Gradients {
         let n = blocks.len();
-        let mut out = Gradients { of: vec![Vec::new(); n], behind: vec![Vec::new(); n], start: Vec::new() };
+        let mut out = Gradients { of: vec![Vec::new(); n], start: Vec::new() };
         let (mut along, mut of_start) = (Vec::new(), Vec::new());
         for (k, block) in blocks.iter().enumerate().rev() {
             along.resize(block.next.nrows(), 0.0);
             out.of[k] = block.gradient(&along, weights);
-            out.behind[k] = std::mem::replace(&mut along, out.of[k][..block.states].to_vec());
+            along = out.of[k][..block.states].to_vec();
             for (first, by) in &block.start {
                 of_start.resize(by.ncols(), 0.0);
                 for (mu, row) in weights.1[*first..].iter().zip(by.row_iter()) {

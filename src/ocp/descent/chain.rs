@@ -150,7 +150,7 @@ impl<'a> Chain<'a> {
         let mut block = Block {
             begins: false,
             states: state.len(),
-            inputs: state.to_vec(),
+            n_inputs: state.len() + n_start,
             dense: end.dx.clone(),
             own: Vec::new(),
             next: DMatrix::zeros(0, state.len() + n_start),
@@ -172,7 +172,6 @@ impl<'a> Chain<'a> {
             block.next = slopes;
         } else {
             // what begins anew is an input of the conditions
-            block.inputs.extend_from_slice(&start.x[first..]);
             block.dense =
                 DMatrix::from_fn(state.len() + n_start, end.dx.ncols(), |i, j| match i.checked_sub(state.len()) {
                     None => end.dx[(i, j)],

@@ -685,24 +685,14 @@ impl<'a> Shooting<'a> {
         (here, (slope, dslope))
     }
 
-    /// The inputs of stage `k` and their derivatives by the variables; what is behind it is not known yet.
+    /// The derivatives of the inputs of stage `k` by the variables; what is behind it is not known yet.
     fn block(&self, z: &[f64], k: usize, node: &Node, here: &Here, first: usize) -> Block {
         let (d, i) = (self.e.system.dims(), self.inputs());
-        let (length, by) = self.length(z, k);
         let mut own: Vec<(usize, usize, f64)> =
             (0..d.u).map(|j| (i.controls + j, self.control_at(k, j), 1.0)).collect();
-        let mut inputs = node.x[self.n_front()..].to_vec();
-        inputs.push(node.t);
-        inputs.extend(&here.u);
-        for (r, &j) in self.ramps.iter().enumerate() {
-            let end = self.control_at(k + 1, j);
-            own.push((i.ends + r, end, 1.0));
-            inputs.push(z[end]);
-        }
-        own.extend(by.map(|(at, share)| (i.length, at, share)));
-        inputs.push(length);
+        own.extend(self.ramps.iter().enumerate().map(|(r, &j)| (i.ends + r, self.control_at(k + 1, j), 1.0)));
+        own.extend(self.length(z, k).1.map(|(at, share)| (i.length, at, share)));
         own.extend(self.at.params.iter().enumerate().filter_map(|(j, at)| at.map(|at| (i.params + j, at, 1.0))));
-        inputs.extend(&here.p);
         let mut dense = node.dx.clone();
         if here.dt[i.time] != 0.0 {
             dense = dense.insert_row(d.x, 0.0);
@@ -711,7 +701,7 @@ impl<'a> Shooting<'a> {
         Block {
             begins: node.begins,
             states: d.x,
-            inputs,
+            n_inputs: i.n,
             dense,
             own,
             next: DMatrix::zeros(0, i.n),
@@ -732,7 +722,7 @@ impl<'a> Shooting<'a> {
         let by = by.map(|_| self.inputs().length);
         let mut block = self.block(z, k, node, &here, out.rows.len());
         let (cost, first) = (here.x[0], self.n_front());
-        self.curvature = self.is_curved.then(|| DMatrix::zeros(block.inputs.len(), block.inputs.len()));
+        self.curvature = self.is_curved.then(|| DMatrix::zeros(block.n_inputs, block.n_inputs));
         for c in &self.e.path {
             let found = self.values(&c.f, &here, None);
             self.add(found, false, out, &mut block);

@@ -1008,7 +1008,7 @@ mod tests {
                 let block = Block {
                     begins: k == 0,
                     states: 1,
-                    inputs: vec![x, *u],
+                    n_inputs: 2,
                     dense: dx.clone(),
                     own: vec![(1, k, 1.0)],
                     cost: vec![0.0, 2.0 * h * u],
