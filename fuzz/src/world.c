@@ -308,6 +308,7 @@ static void controlled_block(const swb_scene *scene, const swb_settings *s, cons
     int64_t n_contacts = 0, n_impacts = 0, modes[1];
     double forces[3];
     int32_t outcome;
+    char text[64];
     swb_impact impacts[64];
     swb_ocp *ocp = NULL;
     if (!DO(swb_ocp_create_scene, scene, 0.4, 2, s, &ocp))
@@ -317,6 +318,7 @@ static void controlled_block(const swb_scene *scene, const swb_settings *s, cons
     DO(swb_ocp_set_initial_state, ocp, start, 4);
     DO(swb_ocp_solve, ocp, &outcome);
     DO(swb_ocp_get_contacts, ocp, &n_contacts, &n_impacts);
+    DO(swb_ocp_freezing_report, ocp, text, sizeof text, NULL);
     if (n_impacts >= 0 && n_impacts <= 64)
         DO(swb_ocp_impacts, ocp, impacts, n_impacts, sizeof *impacts);
     DO(swb_ocp_contact_modes, ocp, &t, 1, modes, 1);
