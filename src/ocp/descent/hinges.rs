@@ -49,7 +49,7 @@ impl Hinge {
         let steepest = here.gradient.iter().chain(&here.jacobian).fold(0f64, |a, v| a.max(v.abs()));
         let longest = (0..=m).max_by(|&a, &b| bend.row(a).norm_squared().total_cmp(&bend.row(b).norm_squared()))?;
         let mut across = bend.row(longest).transpose();
-        if !(across.norm() > ROUNDING * steepest && across.norm().is_finite()) {
+        if across.norm() <= ROUNDING * steepest || !across.norm().is_finite() {
             return None;
         }
         for _ in 0..POWERS {
@@ -63,7 +63,7 @@ impl Hinge {
         }
         let jump = &bend * &across;
         let (distance, reach) = (-jump.dot(&above) / jump.norm_squared(), across.dot(&way));
-        if !(distance < reach) || (MIDDLE[0] * reach..MIDDLE[1] * reach).contains(&distance) {
+        if distance.is_nan() || distance >= reach || (MIDDLE[0] * reach..MIDDLE[1] * reach).contains(&distance) {
             return None;
         }
         Some(Hinge {
