@@ -563,7 +563,7 @@ static void switches(void)
     int64_t x[3], c[4], psi, on, rate, gap, modes[6];
     double state[3], forces[18];
     int32_t outcome;
-    char text[600];
+    char text[1200];
     swb_expr *graph = NULL;
     swb_scene *scene = NULL;
     swb_system *system = NULL;
