@@ -26,7 +26,7 @@ pub(super) use sqp::{look_around, minimise, restore, GiveUp, Lowest, Program, Va
 
 /// Simulations of the horizon of a descent at most.
 const EVALUATIONS: usize = 80;
-/// Variables of a descent at most: its quadratic programs are dense, and every one of them is a column of the sensitivities.
+/// Variables of a descent at most: its quadratic programs and the derivatives of its constraints are dense.
 const VARIABLES: usize = 400;
 /// Violation of a constraint, relative to what the variables change it by, with which a descent may end.
 const MET: f64 = 1e-4;

@@ -513,14 +513,12 @@ impl<'a> Descent<'a> {
                 let promised = self.promised(here, &other.u, kinks).0;
                 if promised > best {
                     best = promised;
-                    out.clone_from(&other);
+                    *out = other;
                     continue;
                 }
             }
             crossed[k] = false;
         }
-        // the model is that of the solution
-        crossed.iter().any(|c| *c).then(|| self.solve_on(y, here, &here.rows, radius, (kinks, &crossed), out));
         Some(crossed)
     }
 
