@@ -255,7 +255,7 @@ platforms:
 check-python:
 ifneq ($(wildcard bindings/python/pyproject.toml),)
 	$(if $(INSTALLED),,$(MAKE) wheel)
-	cd $(BUILD) && MPLBACKEND=Agg $(VENV)/bin/python -m pytest -q -rs --durations=12 -p no:cacheprovider $(CURDIR)/bindings/python/tests
+	cd $(BUILD) && MPLBACKEND=Agg $(VENV)/bin/python -m pytest -q -rfEs --durations=12 -p no:cacheprovider $(CURDIR)/bindings/python/tests
 endif
 
 # Problems that Pyomo writes and the solver for AMPL solves; the installed one where there is one.
