@@ -34,6 +34,8 @@ pub(crate) struct Impulse {
     pub(crate) restitution: f64,
     /// A normal impulse that is rounding of the velocities before.
     pub(crate) noise: f64,
+    /// What rounding of all impulses may make of the rate behind.
+    pub(crate) rounding: f64,
 }
 
 /// An impact.
@@ -171,7 +173,9 @@ impl Dynamics {
             let terms = b.normal.iter().zip(before).map(|(n, v)| (n * v).abs()).sum::<f64>();
             let w = problem.matrix[p.first * self.rows.len() + p.first];
             let noise = if w > 0.0 { 64.0 * f64::EPSILON * terms / w } else { 0.0 };
-            out.parts.push(Impulse { contact, rates: [rate, after], impulse, state: s.states[k], restitution, noise });
+            let rounding = 64.0 * f64::EPSILON * problem.scale(p, p.first, &s.r);
+            let (rates, state) = ([rate, after], s.states[k]);
+            out.parts.push(Impulse { contact, rates, impulse, state, restitution, noise, rounding });
         }
         Some(out)
     }

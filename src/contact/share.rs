@@ -19,8 +19,6 @@ const RANK: f64 = 1e-11;
 const NOTHING: f64 = 1e-7;
 /// A distance that is as good as any larger one: forces that clamp a body between two walls could grow without end.
 const ENOUGH: f64 = 1.0;
-/// Weight of the size of the unknowns, where distances do not tell them.
-const SMALL: f64 = 1e-3;
 /// Sides of the polygon in the disc of friction of a contact in space.
 const SIDES: usize = 8;
 
@@ -34,36 +32,42 @@ struct Cones {
 }
 
 impl Cones {
-    fn add(&mut self, problem: &Problem, p: &Part, state: &State, r: &[f64]) {
+    /// Takes the directions of a contact in.
+    fn add_columns(&mut self, p: &Part, state: &State) {
         let i = p.first;
-        let unit = problem.force_scale(p, p.lead(), r).max(f64::MIN_POSITIVE);
-        let mu = if *state == State::Rests { p.stiction } else { p.friction };
         match state {
             State::Slides(_) if p.kind.has_no_normal() => {}
             // either sign is as good
             _ if p.kind == Kind::Bilateral => self.columns.push(vec![(i, 1.0)]),
             State::Slides(d) => {
-                let friction = (0..p.n_t).map(|k| (i + 1 + k, -mu * d[k]));
+                let friction = (0..p.n_t).map(|k| (i + 1 + k, -p.friction * d[k]));
                 self.columns.push(std::iter::once((i, 1.0)).chain(friction).collect());
-                self.distances.push(vec![(i, 1.0 / unit)]);
             }
-            _ if p.n_t == 0 || mu <= 0.0 => {
-                self.columns.push(vec![(i, 1.0)]);
-                self.distances.push(vec![(i, 1.0 / unit)]);
-            }
-            _ => {
-                self.columns.extend((p.lead()..=i + p.n_t).map(|i| vec![(i, 1.0)]));
+            _ if p.n_t == 0 || p.stiction <= 0.0 => self.columns.push(vec![(i, 1.0)]),
+            _ => self.columns.extend((p.lead()..=i + p.n_t).map(|i| vec![(i, 1.0)])),
+        }
+    }
+
+    /// Takes the distances of a contact to the borders of its cone in, in this unit of its force.
+    fn add_distances(&mut self, p: &Part, state: &State, unit: f64) {
+        let i = p.first;
+        match state {
+            State::Slides(_) if p.kind.has_no_normal() => {}
+            _ if p.kind == Kind::Bilateral => {}
+            State::Rests if p.n_t > 0 && p.stiction > 0.0 => {
                 let mut add = |most: f64, d: [f64; 2]| {
                     let friction = (0..p.n_t).map(|k| (i + 1 + k, -d[k] / unit));
                     self.distances.push(std::iter::once((i, most / unit)).chain(friction).collect());
                 };
                 if p.n_t == 1 {
-                    [1.0, -1.0].into_iter().for_each(|d| add(mu, [d, 0.0]));
+                    [1.0, -1.0].into_iter().for_each(|d| add(p.stiction, [d, 0.0]));
                 } else {
                     let angle = std::f64::consts::PI / SIDES as f64;
-                    (0..SIDES).map(|k| 2.0 * angle * k as f64).for_each(|a| add(mu * angle.cos(), [a.cos(), a.sin()]));
+                    let sides = (0..SIDES).map(|k| 2.0 * angle * k as f64);
+                    sides.for_each(|a| add(p.stiction * angle.cos(), [a.cos(), a.sin()]));
                 }
             }
+            _ => self.distances.push(vec![(i, 1.0 / unit)]),
         }
     }
 
@@ -102,13 +106,17 @@ impl Problem {
                 let Some(closed) = self.may_push(p, s) else { continue };
                 *state = closed;
             }
-            cones.add(self, p, state, &s.r);
+            cones.add_columns(p, state);
         }
         if cones.columns.len() < 2 {
             return false;
         }
         let Some(mut null) = cones.null_space(self) else { return false };
         let mut r = DVector::from_column_slice(&s.r);
+        let units = self.loads(&self.told(&r, &null));
+        for (p, (state, unit)) in self.parts.iter().zip(states.iter().zip(&units)) {
+            cones.add_distances(p, state, *unit);
+        }
         let mut rows: Vec<Vec<(usize, f64)>> = cones.distances;
         while null.ncols() > 0 {
             let along = |row: &[(usize, f64)], k: usize| row.iter().map(|(i, w)| w * null[(*i, k)]).sum::<f64>();
@@ -127,10 +135,11 @@ impl Problem {
             rows.retain(|_| keep.next().unwrap_or(true));
             let mut keep = told.iter().map(|t| !t);
             table.retain(|_| keep.next().unwrap_or(true));
-            let start: Vec<f64> = rows.iter().map(|row| row.iter().map(|(i, w)| w * r[*i]).sum()).collect();
+            let told = self.told(&r, &null);
+            let start: Vec<f64> = rows.iter().map(|row| row.iter().map(|(i, w)| w * told[*i]).sum()).collect();
             let Some((y, least, weights)) = farthest(&table, &start) else { break };
             if least > NOTHING {
-                r += &null * &y;
+                r = told + &null * &y;
                 break;
             }
             // what cannot be left is fixed
@@ -157,6 +166,30 @@ impl Problem {
             *s = moved;
         }
         true
+    }
+
+    /// Forces without their part in the null space, orthogonal in units in which all components have equal weights: what clamps bodies would else grow
+    /// with every problem that begins with the forces of the last one.
+    fn told(&self, r: &DVector<f64>, null: &DMatrix<f64>) -> DVector<f64> {
+        let n = r.len();
+        let weights = DVector::from_fn(n, |i, _| self.matrix[i * n + i].max(f64::MIN_POSITIVE));
+        let weighted = DMatrix::from_fn(n, null.ncols(), |i, k| weights[i] * null[(i, k)]);
+        let part = (weighted.transpose() * null).cholesky().map(|c| c.solve(&(weighted.transpose() * r)));
+        part.map_or_else(|| r.clone(), |part| r - null * part)
+    }
+
+    /// Units of the forces of all contacts: what of them the load makes, and a trace of the largest load where there is none.
+    fn loads(&self, told: &DVector<f64>) -> Vec<f64> {
+        let n = told.len();
+        let own = |p: &Part| {
+            let i = p.lead();
+            let row = self.matrix[i * n..(i + 1) * n].iter().zip(told.iter());
+            (row.fold(self.free[i].abs(), |s, (w, r)| s + (w * r).abs()), self.matrix[i * n + i].max(f64::MIN_POSITIVE))
+        };
+        // of energy: gaps have units of their own
+        let largest = self.parts.iter().map(own).map(|(z, w)| z / w.sqrt()).fold(0.0, f64::max);
+        let unit = |(z, w): (f64, f64)| (z / w).max(NOTHING * largest / w.sqrt()).max(f64::MIN_POSITIVE);
+        self.parts.iter().map(|p| if p.kind == Kind::Switch { p.stiction } else { unit(own(p)) }).collect()
     }
 
     /// What a contact without a force does if it does not open, and so may have one.
@@ -193,17 +226,18 @@ fn farthest(table: &[Vec<f64>], start: &[f64]) -> Option<(DVector<f64>, f64, Vec
     let mut share = size;
     let cost = |z: &DVector<f64>, share: f64| -> f64 {
         let barrier: f64 = (0..m).map(|j| -value(z, j).ln()).sum();
-        -z[k] / share - (ENOUGH - z[k]).ln() + barrier + 0.5 * SMALL * z.rows(0, k).norm_squared()
+        -z[k] / share - (ENOUGH - z[k]).ln() + barrier + 0.5 * z.rows(0, k).norm_squared()
     };
     while share > 0.1 * NOTHING / m as f64 {
         for _ in 0..ITERATIONS {
             let mut gradient = DVector::zeros(k + 1);
             let mut hessian = DMatrix::zeros(k + 1, k + 1);
-            gradient.rows_mut(0, k).copy_from(&(SMALL * z.rows(0, k)));
+            gradient.rows_mut(0, k).copy_from(&z.rows(0, k));
             let left = 1.0 / (ENOUGH - z[k]);
             gradient[k] += left - 1.0 / share;
             hessian[(k, k)] = left * left;
-            (0..k).for_each(|l| hessian[(l, l)] = SMALL);
+            // of all that are as far away the least
+            (0..k).for_each(|l| hessian[(l, l)] = 1.0);
             for (j, row) in table.iter().enumerate() {
                 let d = 1.0 / value(&z, j);
                 let row = DVector::from_iterator(k + 1, row.iter().copied().chain([-1.0]));

@@ -49,6 +49,8 @@ pub(super) struct SceneRoom {
     pub(super) unseen: Option<usize>,
     /// There was an impact at the present event.
     pub(super) struck: bool,
+    /// The last event changed nothing: a force that only touched zero, or one that is none at all.
+    pub(super) idle: bool,
     /// A contact that counts as at rest has a sliding velocity: what is left of it where others have put the bodies back.
     pub(super) creeps: bool,
     /// Contacts without a gap.
@@ -58,6 +60,8 @@ pub(super) struct SceneRoom {
     pub(super) hit: f64,
     /// Contacts of an impact, with another restitution than that of the model.
     pub(super) list: Vec<(usize, Option<f64>)>,
+    /// Contacts that were struck at the present time, and what rounding of the impulses makes of the rates of their gaps.
+    pub(super) roundings: Vec<(usize, f64)>,
     /// Contacts whose impacts accumulate, and the time until they end.
     pub(super) last: Vec<(usize, f64)>,
     pub(super) after: Vec<f64>,
@@ -71,6 +75,7 @@ impl SceneRoom {
     /// A run begins.
     pub(super) fn forget(&mut self) {
         self.flights = 0;
+        self.idle = false;
         self.hit = f64::NEG_INFINITY;
         self.left.fill(f64::NEG_INFINITY);
     }
@@ -453,8 +458,10 @@ impl Engine {
         self.log.one_sided |= !unique || !met.both && (!unique_impact || several);
         let one_sided = self.log.one_sided;
         unique &= unique_impact;
+        self.contact_events.scene.idle =
+            self.field.active == self.contact_events.scene.before && self.log.impacts.len() == start;
         if self.field.active == self.contact_events.scene.before {
-            if self.log.impacts.len() == start {
+            if self.contact_events.scene.idle {
                 // nothing has changed: a force or a speed that only touches zero
                 self.calendar.crowd += 1;
                 if self.calendar.crowd > 20 {
@@ -817,7 +824,7 @@ impl Engine {
             let Some(found) = found else { return Ok(true) };
             let found = found?;
             if !found.all.is_empty() {
-                return self.take(found);
+                return self.take(found, event);
             }
             let slides = closed.iter().any(|c| !c.rests);
             if attempt == 1 || !slides {
@@ -851,11 +858,19 @@ impl Engine {
         Ok(false)
     }
 
-    /// Takes one of the modes that may follow.
-    fn take(&mut self, found: contact::Follow) -> std::result::Result<bool, EvalError> {
+    /// Takes one of the modes that may follow an event.
+    fn take(
+        &mut self,
+        found: contact::Follow,
+        event: Option<(usize, ContactWatch)>,
+    ) -> std::result::Result<bool, EvalError> {
         let present = &self.field.active;
         let mut all = found.all;
-        if let Some(i) = all.iter().position(|c| c.modes == *present) {
+        // bodies that fall side by side do not press each other: their force is rounding, and has no sign for long
+        let presses_none = event.filter(|e| e.1 == ContactWatch::Pressure && self.contact_events.scene.idle);
+        let opens = |c: &contact::Choice| presses_none.is_some_and(|(i, _)| c.modes[i][0] == mode::OPEN);
+        let open = all.iter().position(opens);
+        if let Some(i) = open.or_else(|| all.iter().position(|c| c.modes == *present)) {
             all[..=i].rotate_right(1);
         }
         let mut taken = 0;

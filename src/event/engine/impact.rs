@@ -24,6 +24,7 @@ impl Engine {
             return Ok(true);
         }
         let mut list = std::mem::take(&mut self.contact_events.scene.list);
+        self.contact_events.scene.roundings.clear();
         let mut unique = true;
         for made in 0.. {
             let Some((worst, law)) = self.closing(event.filter(|_| made == 0))? else { break };
@@ -81,7 +82,7 @@ impl Engine {
         &mut self,
         event: Option<(usize, ContactWatch)>,
     ) -> std::result::Result<Option<(usize, ImpactLaw)>, EvalError> {
-        let all = &self.contact_events.scene.touching;
+        let SceneRoom { touching: all, roundings, .. } = &self.contact_events.scene;
         let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             let mut worst = (0.0, None);
             for &i in all {
@@ -95,7 +96,8 @@ impl Engine {
                 let open = modes[i][0] == mode::OPEN;
                 let noise = if event == Some((i, ContactWatch::Gap)) { 0.0 } else { AT_REST };
                 let noise = if open { noise.min(64.0 * EPS) } else { AT_REST };
-                if rate < -noise * size && rate / size < worst.0 {
+                let rounding = roundings.iter().filter(|r| r.0 == i).fold(noise * size, |m, r| m.max(r.1));
+                if rate < -rounding && rate / size < worst.0 {
                     worst = (rate / size, Some(i));
                 }
             }
@@ -200,6 +202,7 @@ impl Engine {
         });
         let Some(impact) = r.unwrap_or(Ok(None))? else { return Ok(None) };
         let unique = impact.unique && kind != ImpactKind::Painleve;
+        self.contact_events.scene.roundings.extend(impact.parts.iter().map(|p| (p.contact, p.rounding)));
         self.record(&impact.parts, kind, unique && impact.proven && !impact.redundant);
         self.jump_to(&after, recorded)?;
         self.contact_events.scene.after = after;
