@@ -173,7 +173,7 @@ impl Dynamics {
             let terms = b.normal.iter().zip(before).map(|(n, v)| (n * v).abs()).sum::<f64>();
             let w = problem.matrix[p.first * self.rows.len() + p.first];
             let noise = if w > 0.0 { 64.0 * f64::EPSILON * terms / w } else { 0.0 };
-            let rounding = 64.0 * f64::EPSILON * problem.scale(p, p.first, &s.r);
+            let rounding = 64.0 * f64::EPSILON * (terms + problem.scale(p, p.first, &s.r));
             let (rates, state) = ([rate, after], s.states[k]);
             out.parts.push(Impulse { contact, rates, impulse, state, restitution, noise, rounding });
         }

@@ -117,10 +117,9 @@ impl Dynamics {
             first += 1 + n_t;
         }
         let found = problem.solve(&mut self.room);
-        let shared = found.shared;
         let mut out = Follow::default();
         let r = found.all.iter().try_for_each(|s| {
-            let choice = self.choice(closed, &problem.parts, s, shared);
+            let choice = self.choice(closed, &problem.parts, s);
             if self.do_not_go_on(at, closed, &problem, s, &choice, length)?.is_empty() {
                 out.all.push(choice);
             }
@@ -128,7 +127,7 @@ impl Dynamics {
         });
         let r = match (r, found.all.into_iter().next()) {
             (Ok(()), Some(s)) if out.all.is_empty() => {
-                self.change_borders(at, closed, &problem, s, (length, shared)).map(|c| out.all.extend(c))
+                self.change_borders(at, closed, &problem, s, length).map(|c| out.all.extend(c))
             }
             (r, _) => r,
         };
@@ -221,7 +220,7 @@ impl Dynamics {
         all.retain(|_| kept.next().unwrap_or(true));
     }
 
-    fn choice(&self, closed: &[Closed], parts: &[Part], s: &Solution, shared: bool) -> Choice {
+    fn choice(&self, closed: &[Closed], parts: &[Part], s: &Solution) -> Choice {
         let mut out = Choice {
             modes: (0..self.n_contacts()).map(|i| vec![self.first_mode(i)]).collect(),
             directions: Vec::new(),
@@ -237,9 +236,7 @@ impl Dynamics {
             let n_t = self.mechanics.contacts[c.contact].n_tangents;
             let mut force = [0.0; 3];
             force[..=n_t].copy_from_slice(&s.r[first..=first + n_t]);
-            if shared {
-                out.forces.push((c.contact, force));
-            }
+            out.forces.push((c.contact, force));
             first += 1 + n_t;
             out.modes[c.contact][0] = match state {
                 State::Open => mode::OPEN,
@@ -283,11 +280,11 @@ impl Dynamics {
         closed: &[Closed],
         problem: &Problem,
         mut s: Solution,
-        (length, shared): (f64, bool),
+        length: f64,
     ) -> Result<Option<Choice>, EvalError> {
         let n = problem.parts.len();
         for pass in 0..3 * n {
-            let choice = self.choice(closed, &problem.parts, &s, shared);
+            let choice = self.choice(closed, &problem.parts, &s);
             let mut wrong = self.do_not_go_on(at, closed, problem, &s, &choice, length)?;
             if wrong.is_empty() {
                 return Ok(Some(choice));

@@ -104,8 +104,6 @@ pub(crate) struct Solutions {
     pub(crate) all: Vec<Solution>,
     /// Another `r` has the same `z`.
     pub(crate) redundant: bool,
-    /// The forces are those that stay within the cones of friction, see [`super::share`].
-    pub(crate) shared: bool,
     /// There are no others: all states were tried, or there is no friction.
     pub(crate) proven: bool,
 }
@@ -152,7 +150,7 @@ impl Problem {
             _ => {
                 let found = self.iterate(room).map(|mut s| {
                     let redundant = self.share_loads(&mut s);
-                    Solutions { redundant, shared: redundant, all: self.readings(s), proven: self.is_frictionless() }
+                    Solutions { redundant, all: self.readings(s), proven: self.is_frictionless() }
                 });
                 found.unwrap_or_default()
             }
@@ -395,7 +393,7 @@ impl Problem {
         let count = switches.iter().try_fold(1usize, |n, k| n.checked_mul(own(k))).filter(|n| *n <= COMBINATIONS);
         let mut found: Vec<(usize, Solution)> = Vec::new();
         let mut proven = true;
-        let (mut redundant, mut shared) = (false, false);
+        let mut redundant = false;
         for code in 0..count.unwrap_or(0) {
             let mut rest = code;
             let states: Vec<State> = switches
@@ -409,7 +407,6 @@ impl Problem {
             let Some(s) = self.with_switches(&switches, &states, room) else { continue };
             proven &= s.proven;
             redundant |= s.redundant;
-            shared |= s.shared;
             for inner in s.all {
                 if self.holds(&inner) {
                     let open = inner.states.iter().filter(|s| **s == State::Open).count();
@@ -419,7 +416,7 @@ impl Problem {
         }
         debug_assert!(found.iter().all(|(_, s)| s.r.len() == n));
         let out = self.distinct(found);
-        Solutions { proven, redundant: redundant || out.redundant, shared, ..out }
+        Solutions { proven, redundant: redundant || out.redundant, ..out }
     }
 
     /// The solutions under given states of the switches: those at rest are eliminated.

@@ -468,7 +468,7 @@ impl Engine {
                     let text = format!("the contact modes contradict each other{BY_STEPS}");
                     self.fail(Outcome::NoContinuation, text);
                 }
-                if let Some(l) = l {
+                if let Some(l) = l.filter(|l| self.is_zero_still(*l)) {
                     self.functions.depart[l] = self.functions.depart[l].max(2);
                 }
             }
@@ -484,6 +484,13 @@ impl Engine {
         }
         self.note_phase();
         Ok(())
+    }
+
+    /// Is watch `l` zero where the modes begin, as well as a located event knows it? Bodies that share a load anew have other forces than before.
+    fn is_zero_still(&self, l: usize) -> bool {
+        let w = self.functions.watches[l];
+        let scale = w.scale(&self.functions.dq0, &self.field, self.t, &self.x).value;
+        w.value(&self.functions.q0, &self.field) <= EPS.sqrt() * scale
     }
 
     /// What follows where transition `g` has changed the state: which contacts are closed, impacts, the next modes. The Jacobians of impacts
@@ -836,6 +843,11 @@ impl Engine {
             }
             self.contact_events.scene.struck = true;
             self.log.one_sided = true;
+        }
+        if std::mem::take(&mut self.contact_events.scene.merges) {
+            // not with all those closed that hardly open
+            self.contact_events.scene.flights += 1;
+            return self.next_modes(event, length, recorded, false);
         }
         let closed = &self.contact_events.scene.closed;
         if let Some(text) = self.field.scene().and_then(|c| c.product_at_rest(closed)) {

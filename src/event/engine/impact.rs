@@ -94,10 +94,15 @@ impl Engine {
                 let size = c.sizes[i][3];
                 // rounding of what is held is no collision, a collision however slow is one
                 let open = modes[i][0] == mode::OPEN;
-                let noise = if event == Some((i, ContactWatch::Gap)) { 0.0 } else { AT_REST };
-                let noise = if open { noise.min(64.0 * EPS) } else { AT_REST };
-                let rounding = roundings.iter().filter(|r| r.0 == i).fold(noise * size, |m, r| m.max(r.1));
-                if rate < -rounding && rate / size < worst.0 {
+                let struck = roundings.iter().filter(|r| r.0 == i).map(|r| r.1).reduce(f64::max);
+                let noise = match struck {
+                    // an impact holds what it closes
+                    Some(rounding) => rounding.max(AT_REST * size),
+                    None if open && event == Some((i, ContactWatch::Gap)) => 0.0,
+                    None if open => 64.0 * EPS * size,
+                    None => AT_REST * size,
+                };
+                if rate < -noise && rate / size < worst.0 {
                     worst = (rate / size, Some(i));
                 }
             }
