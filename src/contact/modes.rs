@@ -26,6 +26,8 @@ pub(crate) struct Choice {
 pub(crate) struct Follow {
     /// The choices, those with most forces first.
     pub(crate) all: Vec<Choice>,
+    /// There are forces, but whichever are taken leave the states that they belong to at once: the motion is not determined.
+    pub(crate) undetermined: bool,
 }
 
 /// A closed contact whose next mode is looked for.
@@ -65,7 +67,9 @@ impl Dynamics {
         for signs in tried {
             self.weights.copy_from_slice(&weights);
             signs.iter().for_each(|&(i, sign)| self.weights[i - first] = sign);
-            for c in self.follow_with(at, closed, &signs, lately, (length, false))?.all {
+            let found = self.follow_with(at, closed, &signs, lately, (length, false))?;
+            out.undetermined |= found.undetermined;
+            for c in found.all {
                 if out.all.iter().all(|o: &Choice| o.modes != c.modes) {
                     out.all.push(c);
                 }
@@ -125,6 +129,7 @@ impl Dynamics {
             }
             Ok(())
         });
+        out.undetermined = out.all.is_empty() && !found.all.is_empty();
         let r = match (r, found.all.into_iter().next()) {
             (Ok(()), Some(s)) if out.all.is_empty() => {
                 self.change_borders(at, closed, &problem, s, length).map(|c| out.all.extend(c))

@@ -808,12 +808,14 @@ impl Engine {
         recorded: bool,
         mut listed: bool,
     ) -> std::result::Result<bool, EvalError> {
-        for attempt in 0..2 {
+        let mut undetermined = false;
+        // as the velocities are; with those at rest that the tolerances do not see, whose signs may have no forces; behind an impact
+        for attempt in 0..3 {
             if !listed {
                 self.touching(event)?;
             }
             listed = false;
-            self.closed(event)?;
+            self.closed(event, attempt > 0)?;
             let list: Vec<(usize, Option<f64>)> =
                 self.contact_events.scene.closed.iter().map(|c| (c.contact, Some(0.0))).collect();
             self.check_laws(&list);
@@ -833,9 +835,13 @@ impl Engine {
             if !found.all.is_empty() {
                 return self.take(found, event);
             }
+            undetermined |= found.undetermined;
             let slides = closed.iter().any(|c| !c.rests);
-            if attempt == 1 || !slides {
+            if attempt == 2 || !slides {
                 break;
+            }
+            if attempt == 0 {
+                continue;
             }
             // Painlevé: an impact without collision, in which friction brings the sliding to rest
             if self.strike(&list, ImpactKind::Painleve, recorded)?.is_none() {
@@ -858,6 +864,13 @@ impl Engine {
             let text = "no weights of switches and no contact forces continue the motion: either the sign of a switching function is \
                         undecided, as it and its rates vanish together, or friction and normal force contradict each other (Painlevé)";
             self.fail(Outcome::NoContinuation, text.into());
+            return Ok(false);
+        }
+        if undetermined {
+            let text = format!(
+                "the contact forces do not determine the motion: each choice of them leaves the states at once that it belongs to{BY_STEPS}"
+            );
+            self.fail(Outcome::NoContinuation, text);
             return Ok(false);
         }
         let bilateral = |c: &Contacts| c.dynamics.mechanics.contacts.iter().any(|c| c.kind == Kind::Bilateral);
@@ -923,8 +936,13 @@ impl Engine {
         Ok(unique)
     }
 
-    /// Lists those of the touching contacts that are closed, and whether each is at rest.
-    pub(super) fn closed(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
+    /// Lists those of the touching contacts that are closed, and whether each is at rest: also where it slides more slowly than the tolerances see, in
+    /// space and where `unseen_rests`.
+    pub(super) fn closed(
+        &mut self,
+        event: Option<(usize, ContactWatch)>,
+        unseen_rests: bool,
+    ) -> std::result::Result<(), EvalError> {
         let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
         /// Share of its size below which a sliding velocity may be zero, if others that stop say so.
         const STILL: f64 = 1e-3;
@@ -959,7 +977,8 @@ impl Engine {
                 let sticks = modes[i][0] == mode::CLOSED && event.is_some_and(|e| e.1 != ContactWatch::Gap) && !pushed;
                 let speed = b.sliding[0].hypot(b.sliding[1]);
                 // in space a velocity that the tolerances do not see has no direction that friction could go by
-                let still = if n_t == 2 { c.unseen_slide(i, at, (rtol, atol)) } else { 0.0 };
+                let blind = n_t == 2 || unseen_rests && n_t == 1 && !c.dynamics.is_joint(i);
+                let still = if blind { c.unseen_slide(i, at, (rtol, atol)) } else { 0.0 };
                 let carried = c.dynamics.carried[i] && !pushed;
                 let rests = stops || sticks || speed <= still.max(AT_REST * size) || carried;
                 *creeps |= rests && speed > AT_REST * size;
@@ -1039,7 +1058,7 @@ impl Contacts {
             let tangent = self.dynamics.tangent(i, k).iter().enumerate();
             tangent.map(|(j, b)| b.abs() * (rtol[n_q + j] * at.x[n_q + j].abs() + atol[n_q + j])).sum()
         };
-        unseen(0).max(unseen(1))
+        (0..self.dynamics.mechanics.contacts[i].n_tangents).map(unseen).fold(0.0, f64::max)
     }
 
     /// What of the gap of contact `i`, and of its rate, the tolerances do not see; its normal is loaded.

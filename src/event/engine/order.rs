@@ -378,7 +378,7 @@ impl Engine {
         length: f64,
     ) -> std::result::Result<Option<Vec<f64>>, EvalError> {
         let touching = std::mem::replace(&mut self.contact_events.scene.touching, stay.clone());
-        let closed = self.closed(None);
+        let closed = self.closed(None, false);
         self.contact_events.scene.touching = touching;
         closed?;
         let mut f = vec![0.0; self.nx];
