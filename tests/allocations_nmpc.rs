@@ -3,6 +3,10 @@
 
 #[path = "common/counting.rs"]
 mod counting;
+// other tests use more of it
+#[allow(dead_code)]
+#[path = "common/stick_slip.rs"]
+mod stick_slip;
 use counting::count;
 use std::sync::Arc;
 use switchback::expr::Graph;
@@ -70,6 +74,18 @@ fn nothing_is_allocated_after_creation() {
                     assert!(seen, "{:?}", c.monitor().sources);
                 }
             }
+        }
+    }
+}
+
+/// Stages of systems that switch by themselves are simulated, also those of alternatives: from the first preparation on nothing is allocated.
+#[test]
+fn preparations_with_friction_allocate_nothing() {
+    for case in [stick_slip::two_masses(1.0), stick_slip::cart_pole(3.0)] {
+        for (scheme, inner) in [(Scheme::Rti, 0), (Scheme::AsRti, 1)] {
+            let done = case.run(&stick_slip::options(scheme, inner), &stick_slip::Disturbance::default());
+            assert!(done.alternatives.contains(&4));
+            assert_eq!(done.allocations, 0, "{scheme:?}");
         }
     }
 }

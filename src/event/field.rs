@@ -36,7 +36,7 @@ pub(super) use on_demand::Formed;
 pub use on_demand::SLOTS as MODES_ON_DEMAND;
 pub(super) use rows::Rows;
 use sliding::Sliding;
-pub(super) use stages::StagesOf;
+pub(super) use stages::{StagesOf, MOST_STAGES};
 pub(super) use supports::{reachable, Supports};
 pub(super) use units::{Depends, Moving, Owner, SLIDES};
 
@@ -423,6 +423,17 @@ impl Field {
 
     /// Makes `sets` the active cells.
     pub(super) fn set_active(&mut self, sets: &[Vec<usize>]) {
+        sets::copy(&mut self.active, sets);
+        self.lay_out(sets.len());
+    }
+
+    /// Takes over the active cells as they stand.
+    pub(super) fn take_active(&mut self) {
+        self.lay_out(self.active.len());
+    }
+
+    /// Makes room for the modes that are active in the first `n` subsystems.
+    fn lay_out(&mut self, n: usize) {
         self.limit = None;
         self.valid.rows = false;
         if let Some(f) = &mut self.linear.filled {
@@ -437,8 +448,7 @@ impl Field {
         if let Some(c) = &mut self.contacts {
             c.forget();
         }
-        sets::copy(&mut self.active, sets);
-        for (k, from) in sets.iter().enumerate() {
+        for (k, from) in self.active[..n].iter().enumerate() {
             self.first_pair.push(self.pairs.len());
             for &cell in from.iter().skip(1) {
                 self.pairs.push(Pair { sub: k, cell, base: from[0] });
@@ -503,6 +513,12 @@ impl Field {
         m.sort_unstable();
         m.dedup();
         m
+    }
+
+    /// Are the modes of one set of cells of subsystem `k` among those of another?
+    pub(super) fn has_modes_of(&self, k: usize, set: &[usize], other: &[usize]) -> bool {
+        let mode = |c: usize| self.subs.get(k).map_or(c, |s| s.cells[c - s.first].mode);
+        set.iter().all(|a| other.iter().any(|b| mode(*a) == mode(*b)))
     }
 
     /// Size of a state, for comparisons with it and with others: its value, and what its tolerances take for zero. All

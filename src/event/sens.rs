@@ -7,7 +7,7 @@
 
 use super::collocation::Collocation;
 use super::explicit::{self, Pair};
-use super::field::{reachable, Field, Rows, StagesOf, Supports};
+use super::field::{reachable, Field, Rows, StagesOf, Supports, MOST_STAGES};
 use super::panels::{Linearised, Panels};
 use super::radau::Radau;
 use super::step::Step;
@@ -67,6 +67,13 @@ impl Sens {
             filled: false,
             dt: vec![0.0; n_c],
         }
+    }
+
+    /// Makes room for the Jacobians at the stages of any explicit step.
+    pub(super) fn reserve(&mut self) {
+        let (nx, n_z) = (self.x.len(), self.first + self.n_c + 1);
+        self.stages.resize_with(MOST_STAGES, Rows::default);
+        self.stages.iter_mut().for_each(|s| s.reserve(nx, nx * n_z));
     }
 
     /// Derivatives with respect to a starting state are those of the identity.

@@ -437,9 +437,9 @@ impl Search<'_> {
         let mut found = (0.0, cost);
         let mut t = 1.0;
         for _ in 0..=PROBES {
-            lin.advance(self.step, t, self.trial);
-            self.keep_bounds();
-            self.trial.x[..self.x0.len()].copy_from_slice(self.x0);
+            if !self.take_share(lin, t) {
+                break;
+            }
             let value = Linearisation::simulate(self.model, self.trial);
             match value.and_then(|()| merit(self.model, self.trial, self.effort.price)) {
                 Ok(c) if c < cost => {
@@ -468,9 +468,9 @@ impl Search<'_> {
     fn shorten(&mut self, lin: &mut Linearisation, cost: f64) -> Evaluated<Option<f64>> {
         let mut t = 1.0;
         for _ in 0..=HALVINGS {
-            lin.advance(self.step, t, self.trial);
-            self.keep_bounds();
-            self.trial.x[..self.x0.len()].copy_from_slice(self.x0);
+            if !self.take_share(lin, t) {
+                break;
+            }
             let value = lin.roll_out(self.model, self.trial);
             match value.and_then(|()| merit(self.model, self.trial, self.effort.price)) {
                 Ok(c) if c < cost - BETTER * cost.abs() => return Ok(Some(c)),
@@ -480,6 +480,15 @@ impl Search<'_> {
             t *= 0.5;
         }
         Ok(None)
+    }
+
+    /// Makes the share `t` of the step the trial, which is still to be simulated; false where that is the plan that the step begins at, as all
+    /// shorter shares are then.
+    fn take_share(&mut self, lin: &Linearisation, t: f64) -> bool {
+        lin.advance(self.step, t, self.trial);
+        self.keep_bounds();
+        self.trial.x[..self.x0.len()].copy_from_slice(self.x0);
+        self.trial.u != lin.point().u
     }
 
     fn keep_bounds(&mut self) {

@@ -122,7 +122,9 @@ pub(super) fn stage(ocp: &Ocp, options: &Options, n: usize) -> Result<Box<dyn St
         if options.scheme == Scheme::Mli || options.level != Level::D0 {
             return refuse("levels other than D0 for systems that switch: their derivatives change with the modes");
         }
-        return Ok(Box::new(EventStage::new(s.simulated, &s.settings.into(), algebraic_guess(&s))?));
+        // all plans of a preparation, as they begin and as they end
+        let kept = 2 * n * (1 + options.flips);
+        return Ok(Box::new(EventStage::new(s.simulated, &s.settings.into(), algebraic_guess(&s), kept)?));
     }
     let Some(f) = s.system.f0() else { return refuse("systems without a right-hand side") };
     let own = crate::fesd::Options::from_settings(s.settings)?;

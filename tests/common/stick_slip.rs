@@ -42,6 +42,8 @@ pub struct Loop {
     pub times: Vec<[f64; 2]>,
     /// Alternatives to the plan that were prepared for every sample.
     pub alternatives: Vec<u64>,
+    /// Allocations of all preparations and feedbacks.
+    pub allocations: usize,
 }
 
 /// Rows, what is added to them where the state with the number at the end is positive, the negative of it where it is not.
@@ -141,7 +143,7 @@ impl StickSlip {
         let mut done = (vec![x], Vec::new(), Vec::new());
         let mut alternatives = Vec::new();
         let mut waiting = vec![0.0; disturbance.delay];
-        let mut seed = 1u64;
+        let (mut seed, mut allocations) = (1u64, 0);
         for k in 0..self.samples {
             if let Some((_, y)) = self.references.iter().find(|r| r.0 == k) {
                 reference = *y;
@@ -155,12 +157,16 @@ impl StickSlip {
                 c.initialise(&x, 100).unwrap();
             }
             let before = c.monitor().alternatives;
+            let allocated = switchback::memory::allocations();
             let prepared = c.prepare(None).unwrap();
+            allocations += switchback::memory::allocations() - allocated;
             alternatives.push(c.monitor().alternatives - before);
             let mut ahead = x;
             waiting.iter().for_each(|u| step(&mut plant, &mut ahead, *u, &reference, &mut 0.0));
             let mut u = [f64::NAN];
+            let allocated = switchback::memory::allocations();
             let info = c.feedback(&ahead, &mut u).unwrap();
+            allocations += switchback::memory::allocations() - allocated;
             assert_eq!(info.source, Source::Qp, "{k}");
             waiting.push(u[0]);
             let u = waiting.remove(0);
@@ -174,7 +180,7 @@ impl StickSlip {
             done.2.push([prepared.time, info.time]);
         }
         assert_eq!(c.monitor().failed_linearisations, 0);
-        Loop { cost, controller: c, x: done.0, u: done.1, times: done.2, alternatives }
+        Loop { cost, controller: c, x: done.0, u: done.1, times: done.2, alternatives, allocations }
     }
 }
 

@@ -18,9 +18,9 @@ impl Engine {
         }
         let room = (&mut self.stepper.node[..], &mut self.stepper.step.f[..]);
         if let Some(k) = decide_pair(&mut self.field, self.t, &self.x, candidates, room, &mut self.set)? {
-            let mut sets = candidates.to_vec();
-            sets[k].clone_from(&self.set);
-            self.field.set_active(&sets);
+            sets::copy(&mut self.field.active, candidates);
+            self.field.active[k].clone_from(&self.set);
+            self.field.take_active();
             return Ok(true);
         }
         let mut apart = std::mem::take(&mut self.apart);

@@ -225,6 +225,21 @@ impl Engine {
         })
     }
 
+    /// Makes room for what any mode needs: from here on a run of a system without contacts and transitions allocates nothing, as long as its modes are
+    /// found by rates and no rule selects their weights, but for its log.
+    pub(crate) fn reserve(&mut self) {
+        self.field.reserve();
+        let cells: Vec<usize> = self.field.subs.iter().map(|s| s.cells.len()).collect();
+        self.apart.reserve(&cells, self.nx);
+        let sets = || cells.iter().map(|c| Vec::with_capacity(*c));
+        (self.before, self.candidates) = (sets().collect(), sets().collect());
+        self.functions.zeros.reserve(self.functions.w0.len());
+        self.set.reserve(cells.iter().copied().max().unwrap_or(0));
+        if let Some(s) = &mut self.derivatives.sens {
+            s.reserve();
+        }
+    }
+
     /// The same for those that look at steps one by one: a step of all states ends at every event, and all of them are known there.
     ///
     /// # Errors

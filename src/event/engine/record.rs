@@ -162,17 +162,18 @@ impl Engine {
             if sets::same_set(set, &self.field.active[k]) {
                 continue;
             }
-            let (a, b) = (self.field.modes_of(k, set), self.field.modes(k));
-            if a == b {
+            let goes_on = self.field.has_modes_of(k, set, &self.field.active[k]);
+            let was_there = self.field.has_modes_of(k, &self.field.active[k], set);
+            if goes_on && was_there {
                 continue;
             }
             n += 1;
             if self.log.switches.len() >= self.options.max_log {
                 continue;
             }
-            let kind = if a.iter().all(|m| b.contains(m)) {
+            let kind = if goes_on {
                 Kind::Enter
-            } else if b.iter().all(|m| a.contains(m)) {
+            } else if was_there {
                 if unique {
                     Kind::Leave
                 } else {
@@ -186,8 +187,8 @@ impl Engine {
                 kind,
                 simultaneous: false,
                 subsystem: self.algebraic.as_ref().map_or(k, |a| a.outer(k)),
-                before: a,
-                after: b,
+                before: self.field.modes_of(k, set),
+                after: self.field.modes(k),
                 rate,
                 transversality: cosine.unwrap_or(f64::NAN),
                 unique,

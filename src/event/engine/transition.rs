@@ -18,7 +18,15 @@ impl Engine {
         if self.field.has_contacts() {
             return self.begin_scene(t_stop);
         }
-        let before: Vec<Vec<usize>> = self.field.active.clone();
+        let mut before = std::mem::take(&mut self.before);
+        sets::assign(&mut before, &self.field.active);
+        let r = self.begin_from(&before, t_stop);
+        self.before = before;
+        r
+    }
+
+    /// The same behind the active set `before`, which is empty where a run begins.
+    fn begin_from(&mut self, before: &[Vec<usize>], t_stop: f64) -> Result<()> {
         let first = before.iter().any(Vec::is_empty) || before.is_empty();
         let found = match self.settle_start(first)? {
             true => recover(self.begin_inner(first).map(Some), None)?,
@@ -34,7 +42,7 @@ impl Engine {
         }
         let Some(unique) = found.filter(|_| self.log.outcome == Outcome::Reached) else { return Ok(()) };
         if !first {
-            self.log(&before, f64::NAN, None, unique);
+            self.log(before, f64::NAN, None, unique);
         }
         self.check_discrete()?;
         if self.notes.is_some() {
@@ -119,13 +127,14 @@ impl Engine {
                 set.push(cell);
             }
         }
-        let sets = self.field.active.clone();
-        self.field.set_active(&sets);
+        self.field.take_active();
         if !self.form_modes(&kept)? {
             return Ok(true);
         }
         let candidates = self.candidates();
-        self.choose(&candidates, length)
+        let r = self.choose(&candidates, length);
+        self.candidates = candidates;
+        r
     }
 
     /// Modes on demand that must not be forgotten: the present ones and those of the last step.
@@ -558,8 +567,9 @@ impl Engine {
         }
         let candidates = self.candidates();
         let length = self.usual_step();
-        let unique = self.choose_behind(&candidates, length, (l, slope))?;
+        let unique = self.choose_behind(&candidates, length, (l, slope));
         self.candidates = candidates;
+        let unique = unique?;
         if self.log.outcome != Outcome::Reached {
             return Ok(());
         }

@@ -30,6 +30,21 @@ pub(in crate::event) struct Apart {
     room: [Vec<f64>; 3],
 }
 
+impl Apart {
+    /// Makes room for the decisions of subsystems with these numbers of cells, of `nx` states.
+    pub(in crate::event) fn reserve(&mut self, cells: &[usize], nx: usize) {
+        let n = cells.len();
+        self.sets.extend(cells.iter().map(|c| Vec::with_capacity(*c)));
+        self.open.reserve(n);
+        self.theta.reserve(n);
+        self.decided.reserve(n);
+        // those that wait stand in it twice
+        self.queue.reserve(2 * n);
+        self.base.reserve(nx);
+        self.room.iter_mut().for_each(|r| r.reserve(nx));
+    }
+}
+
 /// How much is known of the modes behind a switch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::event) enum Known {

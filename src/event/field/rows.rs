@@ -17,6 +17,13 @@ pub(in crate::event) struct Rows {
 }
 
 impl Rows {
+    /// Makes room for as many rows and entries.
+    pub(in crate::event) fn reserve(&mut self, rows: usize, entries: usize) {
+        self.begin.reserve(rows + 1);
+        self.columns.reserve(entries);
+        self.values.reserve(entries);
+    }
+
     fn restart(&mut self) {
         // odd ones: those for fixed weights have an even one
         self.pattern = (self.pattern + 2) | 1;
@@ -176,6 +183,24 @@ pub(super) struct Filled {
     line: Vec<f64>,
     velocity: Vec<f64>,
     full: Vec<f64>,
+}
+
+impl Filled {
+    /// Makes room for any mode of `pairs` pairs, whose columns of `D` have `driven` entries, among `nx` states and `n_z` inputs.
+    pub(super) fn reserve(&mut self, [nx, n_z, pairs, driven]: [usize; 4]) {
+        self.rows.reserve(nx, nx * n_z);
+        self.own.reserve(nx * n_z);
+        self.inputs.reserve(pairs * n_z);
+        self.begin.reserve(pairs + 1);
+        self.places.reserve(driven * n_z);
+        self.at.reserve(n_z);
+        self.seen.reserve(n_z);
+        self.driven.reserve(driven);
+        self.rates.reserve(pairs * n_z);
+        self.line.reserve(n_z);
+        self.velocity.reserve(nx);
+        self.full.reserve(nx * n_z);
+    }
 }
 
 impl Field {

@@ -101,6 +101,33 @@ impl Sliding {
         self.couplings[k].iter().map(|c| c.other)
     }
 
+    /// Makes room for every set of pairs, of which subsystem `k` has at most `pairs[k]`. Returns the entries that all columns of `D` have then.
+    pub(super) fn reserve(&mut self, pairs: &[usize]) -> usize {
+        let most: usize = pairs.iter().sum();
+        let total = |of: &[Vec<usize>]| pairs.iter().zip(of).map(|(n, list)| n * list.len()).sum::<usize>();
+        let (nc, nd) = (total(&self.columns), total(&self.rows));
+        self.c.reserve(nc);
+        self.d.reserve(nd);
+        let lists =
+            [&mut self.c_begin, &mut self.d_begin, &mut self.order, &mut self.begin, &mut self.place, &mut self.block];
+        lists.into_iter().for_each(|v| v.reserve(most + 1));
+        self.left_out.reserve(most + 1);
+        self.lone.reserve(most);
+        self.single.reserve(most);
+        self.room.reserve(most);
+        // a block is made of whole subsystems: the i-th of those with more than one pair has none of those before the i-th that may be in one
+        let mut left = most;
+        for (k, n) in pairs.iter().enumerate() {
+            if *n > 1 || !self.untouched[k] {
+                if left > 1 {
+                    self.lu.push(Lu::with_capacity(left));
+                }
+                left -= n;
+            }
+        }
+        nd
+    }
+
     /// Lays out the matrices of the pairs, in the order of their subsystems; `first` is the first pair of every subsystem.
     pub(super) fn lay_out(&mut self, pairs: &[Pair], first: &[usize]) {
         let r = pairs.len();

@@ -12,7 +12,7 @@ use crate::func::{EvalError, EvalResult, Function, Lanes, Point, LANES};
 use crate::linalg::dense::wide;
 
 /// Stages of an explicit step, its end included.
-const MOST: usize = 13;
+pub(in crate::event) const MOST_STAGES: usize = 13;
 
 /// The first `n` stages of an explicit step from `(t, x0)`, with the derivatives at its stages by component.
 pub(in crate::event) struct StagesOf<'a> {
@@ -41,7 +41,7 @@ impl StagesOf<'_> {
     #[inline(always)]
     fn points_wide(&self, first: usize, t: &mut Lanes, x: &mut [Lanes]) {
         let (rows, c) = self.pair.rows();
-        let (mut weights, mut used) = ([[0.0; LANES]; MOST], 0);
+        let (mut weights, mut used) = ([[0.0; LANES]; MOST_STAGES], 0);
         for l in 0..LANES {
             let i = (first + l).min(self.n - 1);
             t[l] = self.t + c[i] * self.h;
@@ -117,6 +117,26 @@ impl Field {
         let r = self.linearise_all(s, &mut side, to);
         self.side = Some(side);
         r
+    }
+
+    /// Makes room for what any mode needs: from here on no step allocates in a sliding mode, unless a rule selects its weights.
+    pub(in crate::event) fn reserve(&mut self) {
+        let (nx, n_z, most) = (self.nx, self.n_z, self.alpha.len());
+        let pairs: Vec<usize> = self.subs.iter().map(|s| s.cells.len().saturating_sub(1)).collect();
+        let driven = self.sliding.reserve(&pairs);
+        self.first_pair.reserve(self.active.len() + 1);
+        self.still.reserve(nx, most, self.subs.len());
+        if self.traces.keeps_columns {
+            self.traces.columns.reserve(driven);
+        }
+        let mut filled = self.linear.filled.take().unwrap_or_default();
+        filled.reserve([nx, n_z, most, driven]);
+        self.linear.filled = Some(filled);
+        let mut side = self.side.take().unwrap_or_else(|| Box::new(self.room_of_stages()));
+        side.values.reserve(nx * n_z);
+        side.rates.reserve(most * n_z);
+        side.column.reserve(most * n_z);
+        self.side = Some(side);
     }
 
     fn room_of_stages(&self) -> Side {

@@ -20,6 +20,17 @@ pub(super) struct Still {
     asked: Vec<bool>,
 }
 
+impl Still {
+    /// Makes room for as many states, pairs and subsystems.
+    pub(super) fn reserve(&mut self, nx: usize, pairs: usize, subsystems: usize) {
+        self.states.reserve(nx);
+        self.asked.reserve(nx);
+        self.blocks.reserve(pairs);
+        self.tied.reserve(pairs);
+        self.unasked.reserve(subsystems);
+    }
+}
+
 impl Field {
     pub(super) fn find_still(&mut self) {
         if self.still.known {

@@ -1,5 +1,6 @@
 //! Stages of a system that switches, simulated by events.
 
+use super::memory::Memory;
 use super::{Evaluations, Stage, Starts};
 use crate::error::{Error, Result};
 use crate::event::{Engine, Options, Outcome};
@@ -13,7 +14,7 @@ const INERT: f64 = 1e-6;
 /// The motion of a system over every stage with its exact derivatives, through switches (6.25), sliding modes, impacts and transitions.
 /// Stages are independent of each other, and there may be any number of them in a call.
 ///
-/// Switches are logged by the engine, which allocates.
+/// Stages that begin as one that is remembered are not simulated: their results are the same. Contacts and transitions allocate.
 pub(in super::super) struct EventStage {
     /// With derivatives, and without.
     engine: Engine,
@@ -25,6 +26,10 @@ pub(in super::super) struct EventStage {
     nu: usize,
     np: usize,
     break_away: Vec<Option<[f64; 2]>>,
+    /// Results with derivatives, and states alone, with room for a key; none where results depend on more than data. Does the time count?
+    memory: [Memory; 2],
+    key: Vec<u64>,
+    timed: bool,
     /// Room for thresholds, and for the size of what the controls do.
     reach: Vec<[f64; 3]>,
     a: Vec<f64>,
@@ -75,19 +80,34 @@ fn simulate(
 }
 
 impl EventStage {
-    /// `options` are those of the simulations; derivatives are added where they are needed. `z` are first values of the algebraic states.
-    pub fn new(system: &System, options: &Options, z: Vec<f64>) -> Result<EventStage> {
+    /// `options` are those of the simulations; derivatives are added where they are needed. `z` are first values of the algebraic states. About
+    /// `kept` stages are remembered.
+    pub fn new(system: &System, options: &Options, z: Vec<f64>, kept: usize) -> Result<EventStage> {
         let with = |sensitivity: bool| Options {
             sensitivity: sensitivity.into(),
             dense: false,
             adjoint: false,
+            // nothing reads what switched when
+            max_log: 0,
             ..options.clone()
         };
         let d = system.dims();
         let nx = d.x - z.len();
+        // algebraic states begin at the last ones that were found
+        let kept = if z.is_empty() { kept } else { 0 };
+        let timed = system.depends_on_time();
+        let width = nx + d.u + d.p + 1 + usize::from(timed);
+        let engine = |sensitivity: bool| -> Result<Engine> {
+            let mut engine = Engine::stopping_for_all(system, &with(sensitivity))?;
+            engine.reserve();
+            Ok(engine)
+        };
         Ok(EventStage {
-            engine: Engine::stopping_for_all(system, &with(true))?,
-            plain: Engine::stopping_for_all(system, &with(false))?,
+            engine: engine(true)?,
+            plain: engine(false)?,
+            memory: [Memory::new(kept, width, nx + nx * nx + nx * d.u + 2 * d.u), Memory::new(kept, width, nx)],
+            key: Vec::with_capacity(width),
+            timed,
             nx,
             z,
             full: vec![0.0; d.x],
@@ -102,8 +122,52 @@ impl EventStage {
         })
     }
 
+    #[cfg(test)]
+    pub(super) fn remembered(&self) -> u64 {
+        self.memory[0].found
+    }
+
     fn sizes(&self) -> [usize; 3] {
         [self.nx, self.nu, self.np]
+    }
+
+    /// Notes what the result of stage `k` depends on.
+    fn write_key(&mut self, at: &Starts, k: usize) {
+        let [nx, nu, np] = self.sizes();
+        let data = at.x[k * nx..(k + 1) * nx].iter().chain(&at.u[k * nu..(k + 1) * nu]);
+        let data = data.chain(&at.p[k * np..(k + 1) * np]).chain(&at.h[k..=k]);
+        self.key.clear();
+        self.key.extend(data.chain(&at.t[k..k + usize::from(self.timed)]).map(|v| v.to_bits()));
+    }
+
+    /// One stage with derivatives, column-major, and where controls begin to move something.
+    fn stage(&mut self, at: &Starts, k: usize, next: &mut [f64], a: &mut [f64], b: &mut [f64]) -> EvalResult {
+        self.write_key(at, k);
+        let mut parts = [next, a, b];
+        if let Some(mut found) = self.memory[0].find(&self.key) {
+            for part in parts {
+                let (own, rest) = found.split_at(part.len());
+                part.copy_from_slice(own);
+                found = rest;
+            }
+            let limits = found.chunks_exact(2).map(|l| (!l[0].is_nan()).then_some([l[0], l[1]]));
+            self.break_away.iter_mut().zip(limits).for_each(|(b, l)| *b = l);
+            return Ok(());
+        }
+        let [next, a, b] = &mut parts;
+        self.derivatives(at, k, next, a, b)?;
+        self.look_for_sticking(at, k, b)?;
+        if let Some(mut to) = self.memory[0].keep(&self.key) {
+            for part in &parts {
+                let (own, rest) = to.split_at_mut(part.len());
+                own.copy_from_slice(part);
+                to = rest;
+            }
+            to.chunks_exact_mut(2)
+                .zip(&self.break_away)
+                .for_each(|(l, b)| l.copy_from_slice(&b.unwrap_or([f64::NAN; 2])));
+        }
+        Ok(())
     }
 
     /// One stage with derivatives, column-major.
@@ -159,11 +223,21 @@ impl Stage for EventStage {
     fn values(&mut self, at: &Starts, next: &mut [f64]) -> EvalResult {
         let sizes = self.sizes();
         self.evaluations.values += 1;
-        let EventStage { plain, failure, nx, z, full, .. } = self;
-        *failure = None;
-        let mut stage =
-            |(k, x)| simulate(plain, at, k, sizes, (z, full), x).inspect_err(|_| *failure = Some(stopped(k)));
-        next.chunks_exact_mut(*nx).enumerate().try_for_each(&mut stage)
+        self.failure = None;
+        for (k, x) in next.chunks_exact_mut(self.nx).enumerate() {
+            self.write_key(at, k);
+            let [_, memory] = &mut self.memory;
+            if let Some(found) = memory.find(&self.key) {
+                x.copy_from_slice(found);
+                continue;
+            }
+            let algebraic = (&mut self.z[..], &mut self.full[..]);
+            simulate(&mut self.plain, at, k, sizes, algebraic, x).inspect_err(|_| self.failure = Some(stopped(k)))?;
+            if let Some(to) = memory.keep(&self.key) {
+                to.copy_from_slice(x);
+            }
+        }
+        Ok(())
     }
 
     fn linearise(
@@ -180,8 +254,7 @@ impl Stage for EventStage {
         self.evaluations.jacobians += 1;
         for (k, x) in next.chunks_exact_mut(nx).enumerate() {
             let b = &mut b[k * nx * nu..(k + 1) * nx * nu];
-            self.derivatives(at, k, x, &mut a[k * nx * nx..(k + 1) * nx * nx], b)?;
-            self.look_for_sticking(at, k, b)?;
+            self.stage(at, k, x, &mut a[k * nx * nx..(k + 1) * nx * nx], b)?;
         }
         Ok(())
     }

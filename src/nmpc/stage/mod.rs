@@ -4,6 +4,7 @@ mod chain;
 mod events;
 mod explicit;
 mod implicit;
+mod memory;
 mod sensitivity;
 #[cfg(test)]
 mod tests;
@@ -40,7 +41,7 @@ pub struct Evaluations {
     pub hessians: u64,
 }
 
-/// A discretisation of the dynamics. Nothing is allocated after it was made, but by [`EventStage`]. Results are those of a failed evaluation's
+/// A discretisation of the dynamics. Nothing is allocated after it was made, but by [`EventStage`] at contacts and transitions. Results are those of a failed evaluation's
 /// function; outputs are then undefined.
 pub(super) trait Stage: Send {
     /// `ψ_k`, `next[n · nx]`.

@@ -188,7 +188,7 @@ fn dry(friction: f64) -> System {
 #[test]
 fn derivatives_of_stages_with_switches() {
     let options = crate::event::Options::with_tolerance(1e-12, 1e-12);
-    let mut stage = EventStage::new(&dry(0.3), &options, Vec::new()).unwrap();
+    let mut stage = EventStage::new(&dry(0.3), &options, Vec::new(), 0).unwrap();
     let starts = [
         [0.2, 0.05, 1.0, 0.1],
         [0.1, 0.2, -1.5, 0.3],
@@ -236,10 +236,45 @@ fn derivatives_of_stages_with_switches() {
     assert_eq!(kinds.len(), 2, "some stages stick, others do not");
 }
 
+/// Plans of a few stages, some of which begin as others did, or rest: what is remembered is what would be simulated.
+#[test]
+fn stages_that_are_remembered_are_the_same() {
+    let options = crate::event::Options::with_tolerance(1e-6, 1e-8);
+    let [mut new, mut again] = [0, 64].map(|kept| EventStage::new(&dry(0.3), &options, Vec::new(), kept).unwrap());
+    let mut seed = 1u64;
+    let mut draw = |n: usize| {
+        seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (seed >> 33) as usize % n
+    };
+    for _ in 0..60 {
+        let mut x = [[0.2, 0.0], [0.3, -0.4], [0.0, 0.0]][draw(3)];
+        let u = [[0.0, 0.1], [0.9, 0.2]][draw(2)];
+        for k in 0..3 {
+            let (t, h) = ([0.1 * k as f64], [[0.1], [0.2]][draw(2)]);
+            let at = Starts { x: &x, u: &u, p: &[0.8], t: &t, h: &h };
+            let found = [&mut new, &mut again].map(|stage| {
+                let (mut next, mut a, mut b, mut value) = ([0.0; 2], [0.0; 4], [0.0; 4], [0.0; 2]);
+                stage.linearise(&at, &mut next, &mut a, &mut b, None).unwrap();
+                stage.values(&at, &mut value).unwrap();
+                (next, a, b, value, [0, 1].map(|j| stage.break_away(j)))
+            });
+            // the length of a stage is a difference of times
+            let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-14 * (1.0 + a.abs()));
+            let [one, other] = &found;
+            assert!(near(&one.0, &other.0) && near(&one.1, &other.1) && near(&one.2, &other.2), "{found:?}");
+            assert!(near(&one.3, &other.3), "{found:?}");
+            let limits = |f: &[Option<[f64; 2]>; 2]| f.map(|l| l.unwrap_or([9.0; 2])).concat();
+            assert!(near(&limits(&one.4), &limits(&other.4)), "{found:?}");
+            x = found[0].0;
+        }
+    }
+    assert!(again.remembered() > 60, "{}", again.remembered());
+}
+
 /// A mass that sticks breaks away where the force on it exceeds the friction: `u_0 + u_1² − p x = ± friction`.
 #[test]
 fn controls_that_stick_know_where_they_break_away() {
-    let mut stage = EventStage::new(&dry(0.3), &crate::event::Options::default(), Vec::new()).unwrap();
+    let mut stage = EventStage::new(&dry(0.3), &crate::event::Options::default(), Vec::new(), 0).unwrap();
     let (x, u, p) = ([0.5, 0.0], [0.3, 0.1], [0.8]);
     let at = Starts { x: &x, u: &u, p: &p, t: &[0.0], h: &[0.1] };
     stage.linearise(&at, &mut [0.0; 2], &mut [0.0; 4], &mut [0.0; 4], None).unwrap();
