@@ -3,7 +3,7 @@
 use super::function::{shared, swb_function};
 use super::guard::guard;
 use super::handle::{self, Interrupt, Object};
-use super::nmpc::{check_info, count, family, pick, read_options, swb_nmpc_info, write_info};
+use super::nmpc::{check_info, count, family, read_options, swb_nmpc_info, write_files, write_info};
 use super::ocp::{copied, swb_ocp};
 use super::raw;
 use super::report::{write_sized, Sized8};
@@ -12,7 +12,6 @@ use std::ffi::c_char;
 use std::mem::size_of;
 use std::sync::atomic::Ordering;
 use switchback::error::Result;
-use switchback::expr::CReal;
 use switchback::nmpc::{Mhe, MheOptions, Noise};
 use switchback::session::listening;
 use switchback::stop::Stop;
@@ -287,9 +286,9 @@ pub unsafe extern "C" fn swb_mhe_write_c(
     precision: i64,
 ) -> swb_status {
     guard(|| unsafe {
-        let (folder, prefix) = (raw::text(folder, "folder")?, raw::text(prefix, "prefix")?);
-        let real = pick("precision", &[CReal::Double, CReal::Float], precision)?;
-        handle::with_mut(c, |c| c.run(|c| c.write_c(prefix, real)?.write(std::path::Path::new(folder))))
+        write_files(folder, prefix, precision, |prefix, real| {
+            handle::with_mut(c, |c| c.run(|c| c.write_c(prefix, real)))
+        })
     })
 }
 

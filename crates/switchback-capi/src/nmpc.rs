@@ -12,7 +12,7 @@ use std::ptr;
 use std::sync::atomic::Ordering;
 use switchback::error::{Error, Result};
 use switchback::expr::CReal;
-use switchback::nmpc::{Feedback, Level, Monitor, Nmpc, Options, Preparation, QpMethod, Scheme, Worker};
+use switchback::nmpc::{CCode, Feedback, Level, Monitor, Nmpc, Options, Preparation, QpMethod, Scheme, Worker};
 use switchback::session::listening;
 use switchback::stop::Stop;
 use switchback::tableau::Family;
@@ -839,10 +839,25 @@ pub unsafe extern "C" fn swb_nmpc_write_c(
     precision: i64,
 ) -> swb_status {
     guard(|| unsafe {
-        let (folder, prefix) = (raw::text(folder, "folder")?, raw::text(prefix, "prefix")?);
-        let real = pick("precision", &[CReal::Double, CReal::Float], precision)?;
-        handle::with_mut(c, |c| c.run(|c| c.write_c(prefix, real)?.write(std::path::Path::new(folder))))
+        write_files(folder, prefix, precision, |prefix, real| {
+            handle::with_mut(c, |c| c.run(|c| c.write_c(prefix, real)))
+        })
     })
+}
+
+/// Writes the files that `make` gives for a prefix and a precision, an enum swb_c_real, to a folder.
+///
+/// # Safety
+/// Texts end with a zero.
+pub(super) unsafe fn write_files(
+    folder: *const c_char,
+    prefix: *const c_char,
+    precision: i64,
+    make: impl FnOnce(&str, CReal) -> Result<CCode>,
+) -> Result<()> {
+    let (folder, prefix) = unsafe { (raw::text(folder, "folder")?, raw::text(prefix, "prefix")?) };
+    let real = pick("precision", &[CReal::Double, CReal::Float], precision)?;
+    make(prefix, real)?.write(std::path::Path::new(folder))
 }
 
 /// Back to the start: the guess of the problem, no multipliers, nothing measured, monitor at zero.

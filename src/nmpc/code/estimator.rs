@@ -1,8 +1,9 @@
 //! Estimators as C files.
 
-use super::{calls, expressions, refuse, table, CCode, Writer, DOUBLE, FLOAT, SOLVER};
-use crate::error::{Error, Result};
-use crate::expr::{is_c_identifier, write_c_first, CReal, ExprFunction};
+use super::text::{self, table, Writer};
+use super::{expressions, refuse, CCode, SOLVER};
+use crate::error::Result;
+use crate::expr::{CReal, ExprFunction};
 use crate::func::Function;
 use crate::nmpc::Mhe;
 use std::fmt::Write;
@@ -42,11 +43,7 @@ impl Mhe {
     /// [`Error::Unsupported`] for systems that switch, implicit methods, deadlines and functions that are no expressions; [`Error::Range`] for a prefix
     /// that is no C identifier; those of [`Mhe::prepare`].
     pub fn write_c(&mut self, prefix: &str, real: CReal) -> Result<CCode> {
-        if !is_c_identifier(prefix) || prefix.starts_with('_') {
-            return Err(Error::Range(format!(
-                "'{prefix}' cannot begin names in C: use letters, digits and underscores"
-            )));
-        }
+        text::check_prefix(prefix)?;
         if self.switches {
             return refuse("systems that switch");
         }
@@ -56,42 +53,26 @@ impl Mhe {
         let w = Writer { real };
         let source = self.c_source(&w, prefix)?;
         let record = self.c_record(&w, prefix)?;
-        let named = |text: &str| text.replace("@prefix@", prefix);
         Ok(CCode {
             files: vec![
                 (format!("{prefix}.h"), self.c_header(real, prefix)),
                 (format!("{prefix}.c"), source),
-                (format!("{prefix}_main.c"), named(MAIN)),
+                (format!("{prefix}_main.c"), text::named(MAIN, prefix)),
                 (format!("{prefix}_record.h"), record),
-                ("Makefile".into(), named(include_str!("Makefile.estimator"))),
+                ("Makefile".into(), text::makefile("estimator", prefix, "")),
             ],
         })
     }
 
     fn c_header(&self, real: CReal, prefix: &str) -> String {
         let (n, nx, nu, np, ny) = (self.n, self.nx, self.nu, self.np, self.ny);
-        let upper = prefix.to_ascii_uppercase();
-        let kind = if real == CReal::Float { "float" } else { "double" };
-        format!(
-            "/* An estimator, written by switchback. */
-#ifndef {upper}_H
-#define {upper}_H
-
-#ifdef __cplusplus
-extern \"C\" {{
-#endif
-
-typedef {kind} {prefix}_real;
-
-/* Stages of the window, states, controls, parameters, measurements. */
+        let body = format!(
+            "/* Stages of the window, states, controls, parameters, measurements. */
 enum {{ {prefix}_n = {n}, {prefix}_nx = {nx}, {prefix}_nu = {nu}, {prefix}_np = {np}, {prefix}_ny = {ny} }};
 
 /* Where a state comes from: the quadratic program; the same with bounds at a price, since they cannot all be met; an unfinished one; a
    prediction, since functions have no value. */
 enum {{ {prefix}_qp = 0, {prefix}_soft_qp = 1, {prefix}_tangent = 2, {prefix}_plan = 3 }};
-
-/* Bytes of memory, all of it static. */
-extern const unsigned long {prefix}_arena_bytes;
 
 /* Goes to the next sample under the control u[nu], and does everything that needs no measurement; 1 where there is a program for it. */
 int {prefix}_prepare(const {prefix}_real *u);
@@ -105,15 +86,9 @@ void {prefix}_reset(const {prefix}_real *x0);
 /* States of the window [(n + 1) nx], the last sample at its end, and how many of its stages were. Valid until the next call. */
 const {prefix}_real *{prefix}_states(void);
 int {prefix}_filled(void);
-/* Steps of the active set and iterations of the interior point in the last estimate. */
-int {prefix}_iterations(void);
-
-#ifdef __cplusplus
-}}
-#endif
-#endif
 "
-        )
+        );
+        text::header("estimator", "estimate", prefix, real, &body)
     }
 
     fn c_source(&self, w: &Writer, prefix: &str) -> Result<String> {
@@ -121,18 +96,11 @@ int {prefix}_iterations(void);
             return refuse("implicit methods: take rk_family \"explicit\"");
         };
         let named = [("f", expressions(dynamics)?), ("y", expressions(self.measured.function())?)];
-        let mut out = format!("/* An estimator, written by switchback. C99; no heap, no threads, no clock. */\n#include \"{prefix}.h\"\n\n#include <float.h>\n");
-        out.push_str(&write_c_first(&named, w.real)?);
-        let _ = write!(out, "\n#define PREFIX(name) {prefix}_##name\n#define ROOM(n) ((n) > 0 ? (n) : 1)\ntypedef {prefix}_real real;\n");
-        out.push_str(match w.real {
-            CReal::Float => FLOAT,
-            _ => DOUBLE,
-        });
-        self.c_sizes(&mut out, &named, steps, tableau.n_s);
-        self.c_tables(w, &mut out, &named, tableau);
-        out.push_str(&calls(&named));
-        [OWN, SOLVER, ESTIMATOR].iter().for_each(|part| out.push_str(part));
-        Ok(out)
+        let tables = |out: &mut String| {
+            self.c_sizes(out, &named, steps, tableau.n_s);
+            self.c_tables(w, out, &named, tableau);
+        };
+        text::source("estimator", prefix, w, &named, tables, &[OWN, SOLVER, ESTIMATOR])
     }
 
     fn c_sizes(&self, out: &mut String, functions: &[(&str, &ExprFunction)], steps: usize, n_s: usize) {
@@ -143,8 +111,6 @@ int {prefix}_iterations(void);
             "
 enum {{ N = {n}, NX = {nx}, NU = {nw}, NW = NX + NU, MU = {nu}, NP = {np}, NY = {ny}, NOISY = {}, ROWS = {}, ALL = N * NU + ROWS }};
 enum {{ STEPS = {steps}, RK = {n_s}, JACOBIAN = {jacobian}, ITERATIONS = {} }};
-/* Bounds on work: steps of an active set and iterations of the interior point, corrections of active rows, steps in vain. */
-enum {{ MOST = 60, CORRECTIONS = 4, PATIENCE = 1 }};
 ",
             self.noisy.len(),
             self.qp.rows.len(),
@@ -160,12 +126,7 @@ enum {{ MOST = 60, CORRECTIONS = 4, PATIENCE = 1 }};
         tableau: &crate::tableau::Tableau,
     ) {
         let int = |v: usize| v.to_string();
-        w.reals(out, "RK_A", &tableau.a);
-        w.reals(out, "RK_B", &tableau.b);
-        w.reals(out, "RK_C", &tableau.c);
-        for (what, name) in [("FUN_COLS", "col_ptr"), ("FUN_ROWS", "row_idx")] {
-            table(out, "int64_t *const", what, functions.iter().map(|(f, _)| format!("{f}_jacobian_{name}")));
-        }
+        w.method(out, functions, tableau);
         w.reals(out, "DEVIATIONS", &self.deviations);
         w.reals(out, "SIGMA", &self.sigma);
         w.reals(out, "PROCESS", &self.process);

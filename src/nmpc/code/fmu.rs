@@ -1,6 +1,6 @@
 //! A controller as a unit for co-simulation: FMI 2.0 and 3.0 (Modelica Association, *Functional Mock-up Interface*, 2.0.4 and 3.0.2).
 
-use super::table;
+use super::text::table;
 use crate::expr::fingerprint;
 use crate::nmpc::Nmpc;
 use std::fmt::Write;

@@ -6,13 +6,15 @@
 
 mod estimator;
 mod fmu;
+mod text;
 
 use super::options::{Level, QpMethod, Scheme};
 use super::Nmpc;
 use crate::error::{Error, Result};
-use crate::expr::{is_c_identifier, write_c_first, CReal, ExprFunction};
+use crate::expr::{CReal, ExprFunction};
 use crate::system::SharedFunction;
 use std::fmt::Write;
+use text::{table, Writer};
 
 /// What does not depend on the problem.
 const SOLVER: &str = include_str!("solver.c");
@@ -28,6 +30,8 @@ const OWN: &str = "#define FREE 0
 /// A program that runs the recorded loop.
 const MAIN: &str = include_str!("main.c");
 const MAKEFILE: &str = include_str!("Makefile.in");
+/// What makes units for co-simulation.
+const UNITS: &str = include_str!("Makefile.fmu");
 /// Samples of the recorded closed loop.
 const SAMPLES: usize = 60;
 /// States of the record are off their prediction by this share of the largest state of the plan.
@@ -74,52 +78,6 @@ fn expressions(f: &SharedFunction) -> Result<&ExprFunction> {
     }
 }
 
-/// One table of C.
-fn table(out: &mut String, kind: &str, name: &str, values: impl Iterator<Item = String>) {
-    let mut values: Vec<String> = values.collect();
-    if values.is_empty() {
-        values.push("0".into());
-    }
-    let _ = write!(out, "static const {kind} {name}[] = {{");
-    for (i, v) in values.iter().enumerate() {
-        let _ = write!(
-            out,
-            "{}{v}",
-            if i == 0 {
-                ""
-            } else if i % 12 == 0 {
-                ",\n    "
-            } else {
-                ", "
-            }
-        );
-    }
-    out.push_str("};\n");
-}
-
-struct Writer {
-    real: CReal,
-}
-
-impl Writer {
-    fn number(&self, v: f64) -> String {
-        if v == f64::INFINITY {
-            return "INFINITY".into();
-        }
-        if v == f64::NEG_INFINITY {
-            return "-INFINITY".into();
-        }
-        match self.real {
-            CReal::Float => format!("{:e}f", v as f32),
-            _ => format!("{v:e}"),
-        }
-    }
-
-    fn reals(&self, out: &mut String, name: &str, values: &[f64]) {
-        table(out, "real", name, values.iter().map(|v| self.number(*v)));
-    }
-}
-
 impl Nmpc {
     /// The controller as C files (C99) whose names begin with `prefix`: no heap, no threads, no clock, all memory in one static object.
     ///
@@ -143,12 +101,7 @@ impl Nmpc {
     /// expressions, and other schemes than [`Scheme::Rti`] and [`Scheme::AsRti`] with [`Level::D0`]; [`Error::State`] where the controller does not
     /// solve its programs stage by stage; [`Error::Range`] for a prefix that is no C identifier.
     pub fn write_c(&mut self, prefix: &str, real: CReal) -> Result<CCode> {
-        // names that begin with an underscore are those of the implementation of C
-        if !is_c_identifier(prefix) || prefix.starts_with('_') {
-            return Err(Error::Range(format!(
-                "'{prefix}' cannot begin names in C: use letters, digits and underscores"
-            )));
-        }
+        text::check_prefix(prefix)?;
         self.check_c()?;
         let (x, u) = {
             let plan = self.plan();
@@ -158,18 +111,14 @@ impl Nmpc {
         let source = self.c_source(&w, prefix, &x, &u)?;
         let record = self.c_record(&w, prefix, &x, &u)?;
         let unit = self.fmu(prefix, &source, [&x, &u]);
-        let named = |text: &str| {
-            let upper = prefix.to_ascii_uppercase();
-            text.replace("@PREFIX@", &upper).replace("@prefix@", prefix)
-        };
         let mut files = vec![
             (format!("{prefix}.h"), self.c_header(real, prefix)),
             (format!("{prefix}.c"), source),
-            (format!("{prefix}_main.c"), named(MAIN)),
+            (format!("{prefix}_main.c"), text::named(MAIN, prefix)),
             (format!("{prefix}_record.h"), record),
         ];
         files.extend(unit);
-        files.push(("Makefile".into(), named(MAKEFILE)));
+        files.push(("Makefile".into(), text::makefile("controller", prefix, UNITS)));
         Ok(CCode { files })
     }
 
@@ -208,29 +157,14 @@ impl Nmpc {
 
     fn c_header(&self, real: CReal, prefix: &str) -> String {
         let (n, nx, nu, np) = (self.n(), self.nx(), self.nu(), self.model.nodes.np);
-        let upper = prefix.to_ascii_uppercase();
-        let kind = if real == CReal::Float { "float" } else { "double" };
         let terms = self.model.costs.squares.len();
-        format!(
-            "/* A controller, written by switchback. */
-#ifndef {upper}_H
-#define {upper}_H
-
-#ifdef __cplusplus
-extern \"C\" {{
-#endif
-
-typedef {kind} {prefix}_real;
-
-/* Stages, states, controls, parameters, least-squares terms. */
+        let body = format!(
+            "/* Stages, states, controls, parameters, least-squares terms. */
 enum {{ {prefix}_n = {n}, {prefix}_nx = {nx}, {prefix}_nu = {nu}, {prefix}_np = {np}, {prefix}_terms = {terms} }};
 
 /* Where a control comes from: the quadratic program; the same with rows at a price, since they cannot all be met; an unfinished one, cut off at
    the bounds of the controls; the last plan; the last control again. */
 enum {{ {prefix}_qp = 0, {prefix}_soft_qp = 1, {prefix}_tangent = 2, {prefix}_plan = 3, {prefix}_hold = 4 }};
-
-/* Bytes of memory, all of it static. */
-extern const unsigned long {prefix}_arena_bytes;
 
 /* Everything for the next sample that needs no measurement; 1 where there is a program for it. */
 int {prefix}_prepare(void);
@@ -249,15 +183,9 @@ void {prefix}_reset(void);
 /* The plan from the last sample on: x[(n + 1) nx], u[n nu]. Valid until the next call. */
 const {prefix}_real *{prefix}_plan_x(void);
 const {prefix}_real *{prefix}_plan_u(void);
-/* Steps of the active set and iterations of the interior point in the last feedback. */
-int {prefix}_iterations(void);
-
-#ifdef __cplusplus
-}}
-#endif
-#endif
 "
-        )
+        );
+        text::header("controller", "feedback", prefix, real, &body)
     }
 
     fn c_source(&self, w: &Writer, prefix: &str, x: &[f64], u: &[f64]) -> Result<String> {
@@ -272,18 +200,11 @@ int {prefix}_iterations(void);
             functions.push((format!("constraint{k}"), expressions(g.function())?));
         }
         let named: Vec<(&str, &ExprFunction)> = functions.iter().map(|(n, f)| (n.as_str(), *f)).collect();
-        let mut out = format!("/* A controller, written by switchback. C99; no heap, no threads, no clock. */\n#include \"{prefix}.h\"\n\n#include <float.h>\n");
-        out.push_str(&write_c_first(&named, w.real)?);
-        let _ = write!(out, "\n#define PREFIX(name) {prefix}_##name\n#define ROOM(n) ((n) > 0 ? (n) : 1)\ntypedef {prefix}_real real;\n");
-        out.push_str(match w.real {
-            CReal::Float => FLOAT,
-            _ => DOUBLE,
-        });
-        self.c_sizes(&mut out, &named, steps, tableau.n_s);
-        self.c_tables(w, &mut out, &named, tableau, [x, u]);
-        out.push_str(&calls(&named));
-        [OWN, SOLVER, CONTROLLER].iter().for_each(|part| out.push_str(part));
-        Ok(out)
+        let tables = |out: &mut String| {
+            self.c_sizes(out, &named, steps, tableau.n_s);
+            self.c_tables(w, out, &named, tableau, [x, u]);
+        };
+        text::source("controller", prefix, w, &named, tables, &[OWN, SOLVER, CONTROLLER])
     }
 
     fn c_sizes(&self, out: &mut String, functions: &[(&str, &ExprFunction)], steps: usize, n_s: usize) {
@@ -299,8 +220,6 @@ int {prefix}_iterations(void);
             "
 enum {{ N = {n}, NX = {nx}, NU = {nu}, NW = NX + NU, NP = {np}, ROWS = {rows}, ALL = N * NU + ROWS, TERMS = {}, REFERENCES = {references} }};
 enum {{ STEPS = {steps}, RK = {n_s}, JACOBIAN = {jacobian}, VALUES = {values}, INNER = {inner}, SHIFT = {} }};
-/* Bounds on work: steps of an active set and iterations of the interior point, corrections of active rows, steps in vain. */
-enum {{ MOST = 60, CORRECTIONS = 4, PATIENCE = 1 }};
 ",
             costs.len(),
             usize::from(self.options().shift),
@@ -320,15 +239,10 @@ enum {{ MOST = 60, CORRECTIONS = 4, PATIENCE = 1 }};
         let int = |v: usize| v.to_string();
         w.reals(out, "T", &nodes.t);
         w.reals(out, "H", &nodes.h);
-        w.reals(out, "RK_A", &tableau.a);
-        w.reals(out, "RK_B", &tableau.b);
-        w.reals(out, "RK_C", &tableau.c);
+        w.method(out, functions, tableau);
         w.reals(out, "U_LOWER", &self.model.u_lower);
         w.reals(out, "U_UPPER", &self.model.u_upper);
         table(out, "int", "FUN_OUT", functions.iter().map(|(_, f)| int(f.n_out())));
-        for (what, name) in [("FUN_COLS", "col_ptr"), ("FUN_ROWS", "row_idx")] {
-            table(out, "int64_t *const", what, functions.iter().map(|(f, _)| format!("{f}_jacobian_{name}")));
-        }
         let offsets = |sizes: Vec<usize>| {
             sizes.iter().scan(0, |sum, v| Some(std::mem::replace(sum, *sum + v))).collect::<Vec<usize>>()
         };
@@ -399,44 +313,3 @@ enum {{ MOST = 60, CORRECTIONS = 4, PATIENCE = 1 }};
         Ok(out)
     }
 }
-
-/// Calls of functions by their numbers.
-fn calls(functions: &[(&str, &ExprFunction)]) -> String {
-    let mut out = String::new();
-    for what in ["value", "jacobian"] {
-        let _ = write!(
-            out,
-            "\nstatic int call_{what}(int fun, real t, const real *x, const real *u, const real *p, real *out) {{\n    switch (fun) {{\n"
-        );
-        for (i, (name, _)) in functions.iter().enumerate() {
-            let _ = writeln!(out, "    case {i}:\n        return {name}_{what}(t, x, u, p, out);");
-        }
-        out.push_str("    default:\n        return 1;\n    }\n}\n");
-    }
-    out.push('\n');
-    out
-}
-
-/// Precisions: rounding unit, weights and tolerances as in the library; those of single precision leave the same share of its digits.
-const DOUBLE: &str = "#define SQRT sqrt
-#define EPSILON DBL_EPSILON
-#define STIFF 6.7e7
-#define FEASIBLE 1e-10
-#define NEARLY 1e-11
-#define FARKAS 1e-9
-#define BOUNDARY 0.995
-#define ELASTIC 1e3
-#define APART 10.0
-#define FLOOR 1e-6
-";
-const FLOAT: &str = "#define SQRT sqrtf
-#define EPSILON FLT_EPSILON
-#define STIFF 2.9e3f
-#define FEASIBLE 4e-5f
-#define NEARLY 1e-5f
-#define FARKAS 1e-4f
-#define BOUNDARY 0.995f
-#define ELASTIC 1e3f
-#define APART 10.0f
-#define FLOOR 1e-6f
-";
