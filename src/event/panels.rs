@@ -88,8 +88,8 @@ impl Panels {
             panels,
             y: vec![[0.0; WIDE]; n_z],
             k: vec![[0.0; WIDE]; most * KEPT],
-            changes: Vec::new(),
-            moving: Vec::new(),
+            changes: Vec::with_capacity(nx),
+            moving: Vec::with_capacity(nx),
         }
     }
 

@@ -42,8 +42,8 @@ pub struct Loop {
     pub times: Vec<[f64; 2]>,
     /// Alternatives to the plan that were prepared for every sample.
     pub alternatives: Vec<u64>,
-    /// Allocations of all preparations and feedbacks.
-    pub allocations: usize,
+    /// Allocations of preparation and feedback of every sample.
+    pub allocations: Vec<usize>,
 }
 
 /// Rows, what is added to them where the state with the number at the end is positive, the negative of it where it is not.
@@ -143,7 +143,7 @@ impl StickSlip {
         let mut done = (vec![x], Vec::new(), Vec::new());
         let mut alternatives = Vec::new();
         let mut waiting = vec![0.0; disturbance.delay];
-        let (mut seed, mut allocations) = (1u64, 0);
+        let (mut seed, mut allocations) = (1u64, Vec::new());
         for k in 0..self.samples {
             if let Some((_, y)) = self.references.iter().find(|r| r.0 == k) {
                 reference = *y;
@@ -159,14 +159,15 @@ impl StickSlip {
             let before = c.monitor().alternatives;
             let allocated = switchback::memory::allocations();
             let prepared = c.prepare(None).unwrap();
-            allocations += switchback::memory::allocations() - allocated;
+            let allocated = switchback::memory::allocations() - allocated;
+            allocations.push(allocated);
             alternatives.push(c.monitor().alternatives - before);
             let mut ahead = x;
             waiting.iter().for_each(|u| step(&mut plant, &mut ahead, *u, &reference, &mut 0.0));
             let mut u = [f64::NAN];
             let allocated = switchback::memory::allocations();
             let info = c.feedback(&ahead, &mut u).unwrap();
-            allocations += switchback::memory::allocations() - allocated;
+            allocations[k] += switchback::memory::allocations() - allocated;
             assert_eq!(info.source, Source::Qp, "{k}");
             waiting.push(u[0]);
             let u = waiting.remove(0);

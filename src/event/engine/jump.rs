@@ -239,7 +239,11 @@ impl Engine {
         }
         self.restart = false;
         self.stepper.err_before = 1e-4;
-        self.stepper.h = self.initial_step(t_stop - self.t)?;
+        let given = std::mem::take(&mut self.stepper.given);
+        self.stepper.h = match given > 0.0 && !self.stepper.implicit && self.options.h0 == 0.0 {
+            true => given.min(t_stop - self.t).min(self.options.h_max),
+            false => self.initial_step(t_stop - self.t)?,
+        };
         Ok(())
     }
 

@@ -132,6 +132,7 @@ impl Engine {
                 weights: vec![0.0; nx],
                 node: vec![0.0; nx],
                 h: 0.0,
+                given: 0.0,
                 first_steps: vec![FirstStep::default(); n_cells],
                 entered: None,
                 err_before: 1e-4,
@@ -225,8 +226,8 @@ impl Engine {
         })
     }
 
-    /// Makes room for what any mode needs: from here on a run of a system without contacts and transitions allocates nothing, as long as its modes are
-    /// found by rates and no rule selects their weights, but for its log.
+    /// Makes room for what any mode needs: from here on a run of a system without contacts and transitions allocates nothing, as long as rates leave no doubt about
+    /// its modes and no rule selects their weights, but for its log.
     pub(crate) fn reserve(&mut self) {
         self.field.reserve();
         let cells: Vec<usize> = self.field.subs.iter().map(|s| s.cells.len()).collect();
@@ -234,6 +235,7 @@ impl Engine {
         let sets = || cells.iter().map(|c| Vec::with_capacity(*c));
         (self.before, self.candidates) = (sets().collect(), sets().collect());
         self.functions.zeros.reserve(self.functions.w0.len());
+        self.derivatives.nonzero.reserve(self.nx * self.nx);
         self.set.reserve(cells.iter().copied().max().unwrap_or(0));
         if let Some(s) = &mut self.derivatives.sens {
             s.reserve();
@@ -256,6 +258,20 @@ impl Engine {
         self.contact_events.passes_bounds = true;
     }
 
+    /// The next run begins with a step of this length, not of one that the state asks for: what came before it is the same motion.
+    pub(crate) fn begin_with_step(&mut self, h: f64) {
+        self.stepper.given = h;
+    }
+
+    /// How long the next step would be; zero where that says nothing of a run that begins, since implicit steps were made.
+    pub(crate) fn next_step(&self) -> f64 {
+        if self.stepper.implicit || self.stepper.step_implicit {
+            0.0
+        } else {
+            self.stepper.h
+        }
+    }
+
     /// Sets time and state and clears log, statistics and dense output.
     pub fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
         finite("time", &[t], 1)?;
@@ -268,7 +284,7 @@ impl Engine {
             a.clear();
         }
         (self.restart, self.unmade) = (true, false);
-        self.stepper.h = 0.0;
+        (self.stepper.h, self.stepper.given) = (0.0, 0.0);
         self.stepper.first_steps.fill(FirstStep::default());
         self.stepper.entered = None;
         self.foresight.reset();

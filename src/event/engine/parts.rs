@@ -51,6 +51,8 @@ pub(super) struct Stepper {
     pub(super) weights: Vec<f64>,
     pub(super) node: Vec<f64>,
     pub(super) h: f64,
+    /// Length of the first step of the run, zero where nothing says it.
+    pub(super) given: f64,
     /// First steps behind switches, by the cell that follows, and that of the last switch.
     pub(super) first_steps: Vec<FirstStep>,
     pub(super) entered: Option<usize>,

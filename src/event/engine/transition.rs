@@ -336,7 +336,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Does a watched function that is zero rise by more than its rounding, however slowly it begins to?
+    /// Does a watched function that is zero rise by more than its rounding, however slowly it begins to? Weights are those that a step begins with.
     fn rises_slowly(&mut self, w: &Watch, rate: f64, scale: &Scale, pace: f64) -> std::result::Result<bool, EvalError> {
         let rounding = 64.0 * EPS * scale.value;
         if !matches!(w, Watch::Enter { .. }) || rate <= 64.0 * EPS * scale.reach * pace {
@@ -345,14 +345,14 @@ impl Engine {
         let ahead = time_ahead(&self.field, &self.x, &self.f, self.usual_step());
         let mut there = std::mem::take(&mut self.stepper.node);
         let mut velocity = std::mem::take(&mut self.stepper.step.f);
-        let alpha = self.field.alpha.clone();
         there.iter_mut().zip(self.x.iter().zip(&self.f)).for_each(|(y, (x, f))| *y = x + ahead * f);
         let r = self.field.rhs(self.t + ahead, &there, &mut velocity);
         let r = r.and_then(|()| self.field.watched_gradients(self.t + ahead, &there));
         let growth = (w.rate(&self.field.dq, &self.field, &velocity) - rate) / ahead;
         self.stepper.step.f = velocity;
         self.stepper.node = there;
-        self.field.alpha = alpha;
+        let n = self.field.n_alg();
+        self.field.alpha[..n].copy_from_slice(&self.stepper.alpha_start);
         match r {
             Err(EvalError::Recoverable) => return Ok(false),
             r => r?,
