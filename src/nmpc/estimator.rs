@@ -83,7 +83,7 @@ struct Window {
     y: Vec<f64>,
 }
 
-/// A moving horizon estimator. All memory is taken when it is made, but for the logs of switches of systems that do.
+/// A moving horizon estimator. All memory is taken when it is made, but what contacts and transitions need.
 pub struct Mhe {
     pub(super) options: MheOptions,
     pub(super) n: usize,
@@ -158,12 +158,15 @@ impl Mhe {
     pub fn new(ocp: &Ocp, measured: &SharedFunction, noise: &Noise, options: &MheOptions) -> Result<Mhe> {
         let s = ocp.statement();
         s.system.check_without_choices("an estimator")?;
-        s.system.check_without_transitions("an estimator")?;
-        s.system.check_without_contacts("an estimator")?;
         let d = s.system.dims();
         let (n, nx, nu, np, ny) = (s.n_stages, d.x, d.u, d.p, measured.n_out());
         if s.system.n_algebraic() > 0 {
             return refuse("algebraic states");
+        }
+        if let Some(i) = s.system.discrete_states().first() {
+            return Err(Error::Unsupported(format!(
+                "an estimator does not know discrete states, which have no deviations: transitions name state {i}, let guards and resets do without it"
+            )));
         }
         if s.lagrange.is_some() || s.mayer.is_some() || !s.squares.is_empty() {
             return refuse("costs: give it measurements and their deviations instead");

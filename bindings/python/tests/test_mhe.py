@@ -237,3 +237,62 @@ def test_what_is_wrong_is_said():
     ocp.add_least_squares(m.function([m.x[0]]), [1.0])
     with pytest.raises(swb.UnsupportedError, match="costs"):
         swb.Mhe(ocp, m.function([m.x[0]]), initial=1.0, process=0.0, measurement=0.1)
+
+
+def heights(e, samples, r, sigma=1e-3):
+    """What is measured of a ball that falls from a height of one metre on a floor, exactly but for noise: parabolas and their bounces."""
+    g, t, v, y, out = 9.81, 0.0, 0.0, 1.0, []
+    for k in range(samples):
+        left = k * H - t
+        while (hit := (v + np.sqrt(v * v + 2 * g * y)) / g) <= left:
+            v, y, left, t = -e * (v - g * hit), 0.0, left - hit, t + hit
+        out.append(y + v * left - g * left**2 / 2 + sigma * r.standard_normal())
+    return np.array(out)
+
+
+def ball_with_a_contact():
+    s = swb.Scene("y", states="e", name="ball")
+    s.inertia([1.0])
+    s.force([-9.81])
+    s.contact("floor", gap=s.q[0], e=s.e)
+    s.state_rates([0.0 * s.e])
+    return s, s.q[0]
+
+
+def ball_with_a_transition():
+    m = swb.Model(states="y v e", name="ball")
+    y, v, e = m.x
+    m.derivatives = [v, -9.81 + 0 * y, 0 * e]
+    m.transition(y < 0, reset={v: -e * v})
+    return m, y
+
+
+@pytest.mark.parametrize("ball", [ball_with_a_contact, ball_with_a_transition])
+@pytest.mark.parametrize("e", [0.65, 0.8, 0.9])
+def test_the_restitution_of_a_ball_that_bounces(ball, e):
+    model, height = ball()
+    ocp = swb.Ocp(model, 6 * H, 6, settings={"rtol": 1e-8, "atol": 1e-10})
+    ocp.set_initial_state([1.0, 0.0, 0.75])
+    ocp.set_state_bounds([-np.inf, -np.inf, 0.1], [np.inf, np.inf, 1.0])
+    with swb.Mhe(ocp, model.function([height]), initial=[1e-2, 1e-2, 0.1], process=[0.0, 1e-3, 0.0], measurement=1e-3, iterations=5) as mhe:
+        found, sources = [], set()
+        for k, y in enumerate(heights(e, 21, np.random.default_rng(3))):
+            if k:
+                mhe.prepare([])
+            x, info = mhe.estimate([y])
+            found.append(x[2])
+            sources.add(info.source)
+        # nothing is known before the first bounce, after 0.45 s
+        assert np.allclose(found[:5], 0.75, atol=1e-6)
+        assert abs(found[-1] - e) < 5e-3 and abs(found[8] - e) < 2e-2, found
+        assert sources <= {swb.NmpcSource.QP}
+
+
+def test_discrete_states_have_no_deviations():
+    m = swb.Model(states="x on", name="relay")
+    m.derivatives = [1 - m.x[0], 0 * m.x[1]]
+    m.transition(m.x[0] > 0.5, when={m.x[1]: 0}, to={m.x[1]: 1})
+    ocp = swb.Ocp(m, 1.0, 5)
+    ocp.set_initial_state([0.0, 0.0])
+    with pytest.raises(swb.UnsupportedError, match="discrete states"):
+        swb.Mhe(ocp, m.function([m.x[0]]), initial=1.0, process=0.0, measurement=0.1)

@@ -104,7 +104,7 @@ pub unsafe extern "C" fn swb_mhe_options_init(options: *mut swb_mhe_options, str
 
 /// Create a moving horizon estimator for the system, the stages, the parameters and the bounds of states of a problem, which has no costs and no other
 /// constraints. Its stages are the samples of the window and have the same length; its initial state is the mean before the first measurement. All memory
-/// is taken here, but for logs of switches. Constant parameters are estimated as states with a zero derivative.
+/// is taken here, but what contacts and transitions need. Constant parameters are estimated as states with a zero derivative.
 ///
 /// @param[in]  ocp         copied as it is stated now
 /// @param[in]  measured    y by state, control of the stage before, parameters and time; dimensions of the system
@@ -113,7 +113,7 @@ pub unsafe extern "C" fn swb_mhe_options_init(options: *mut swb_mhe_options, str
 /// @param[in]  measurement [n_measurement] ny standard deviations of the measurements, positive
 /// @param[in]  options     NULL for the defaults
 /// @param[out] out         the new object, NULL on failure; free with swb_mhe_free
-/// @return SWB_OK; SWB_ERR_UNSUPPORTED for what estimators do not know: costs, other constraints, transitions, contacts, algebraic states;
+/// @return SWB_OK; SWB_ERR_UNSUPPORTED for what estimators do not know: costs, other constraints, discrete states, choices, algebraic states;
 ///         SWB_ERR_DIMENSION; SWB_ERR_RANGE if an option or a deviation is outside its range; SWB_ERR_STATE without an initial state or
 ///         parameters; SWB_ERR_USER
 #[no_mangle]
