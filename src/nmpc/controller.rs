@@ -85,7 +85,7 @@ enum Pending {
     Aged,
 }
 
-/// A model predictive controller. All memory is taken when it is made, but for the logs of switches of systems that do.
+/// A model predictive controller. All memory is taken when it is made, but what contacts, transitions and choices need.
 pub struct Nmpc {
     options: Options,
     pub(super) model: Model,

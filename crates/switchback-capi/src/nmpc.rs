@@ -429,7 +429,7 @@ pub unsafe extern "C" fn swb_nmpc_options_init(options: *mut swb_nmpc_options, s
     guard(|| unsafe { write_sized(&swb_nmpc_options::default(), options, struct_size, "options") })
 }
 
-/// Create a controller for a problem as it is stated now. All memory is taken here, but for logs of switches. The problem is copied;
+/// Create a controller for a problem as it is stated now. All memory is taken here, but what contacts, transitions and choices need. The problem is copied;
 /// the first iterate is its guess. Costs along the horizon are summed over the starts of the stages (10.1), path constraints hold
 /// there. Systems that switch are simulated by events in every stage, with the tolerances of the settings; they take level D0 and
 /// every scheme but SWB_NMPC_SCHEME_MLI.

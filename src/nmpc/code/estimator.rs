@@ -45,7 +45,7 @@ impl Mhe {
     pub fn write_c(&mut self, prefix: &str, real: CReal) -> Result<CCode> {
         text::check_prefix(prefix)?;
         if self.switches {
-            return refuse("systems that switch");
+            return refuse(text::SWITCHES);
         }
         if self.options.deadline.is_finite() {
             return refuse("deadlines: there is no clock");

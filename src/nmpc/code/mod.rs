@@ -126,7 +126,7 @@ impl Nmpc {
     fn check_c(&self) -> Result<()> {
         let o = self.options();
         if self.model.switches {
-            return refuse("systems that switch");
+            return refuse(text::SWITCHES);
         }
         if self.model.nodes.nz > 0 {
             return refuse("algebraic states");

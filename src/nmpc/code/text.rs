@@ -6,6 +6,10 @@ use crate::expr::{is_c_identifier, write_c_first, CReal, ExprFunction};
 use crate::tableau::Tableau;
 use std::fmt::Write;
 
+/// What the files do not have: stages through switches.
+pub(super) const SWITCHES: &str = "systems that switch: their stages are simulated through every switch by events, which the files do not. Write one for \
+                                   every mode without the switches, or call the library";
+
 /// Names that begin with an underscore are those of the implementation of C.
 pub(super) fn check_prefix(prefix: &str) -> Result<()> {
     if is_c_identifier(prefix) && !prefix.starts_with('_') {
