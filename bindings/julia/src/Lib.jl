@@ -5815,7 +5815,7 @@ swb_mhe_options_init(options, struct_size) =
 
 Create a moving horizon estimator for the system, the stages, the parameters and the bounds of states of a problem, which has no costs and no other
 constraints. Its stages are the samples of the window and have the same length; its initial state is the mean before the first measurement. All memory
-is taken here, but for logs of switches. Constant parameters are estimated as states with a zero derivative.
+is taken here, but what contacts and transitions need. Constant parameters are estimated as states with a zero derivative.
 
 @param[in]  ocp         copied as it is stated now
 @param[in]  measured    y by state, control of the stage before, parameters and time; dimensions of the system
@@ -5824,7 +5824,7 @@ is taken here, but for logs of switches. Constant parameters are estimated as st
 @param[in]  measurement [n_measurement] ny standard deviations of the measurements, positive
 @param[in]  options     NULL for the defaults
 @param[out] out         the new object, NULL on failure; free with swb_mhe_free
-@return SWB_OK; SWB_ERR_UNSUPPORTED for what estimators do not know: costs, other constraints, transitions, contacts, algebraic states;
+@return SWB_OK; SWB_ERR_UNSUPPORTED for what estimators do not know: costs, other constraints, discrete states, choices, algebraic states;
         SWB_ERR_DIMENSION; SWB_ERR_RANGE if an option or a deviation is outside its range; SWB_ERR_STATE without an initial state or
         parameters; SWB_ERR_USER
 """
@@ -5975,7 +5975,7 @@ swb_nmpc_options_init(options, struct_size) =
 """
     swb_nmpc_create(ocp, options, out) -> swb_status
 
-Create a controller for a problem as it is stated now. All memory is taken here, but for logs of switches. The problem is copied;
+Create a controller for a problem as it is stated now. All memory is taken here, but what contacts, transitions and choices need. The problem is copied;
 the first iterate is its guess. Costs along the horizon are summed over the starts of the stages (10.1), path constraints hold
 there. Systems that switch are simulated by events in every stage, with the tolerances of the settings; they take level D0 and
 every scheme but SWB_NMPC_SCHEME_MLI.
