@@ -108,6 +108,7 @@ NAVIGATION = """
       - Bounds that cannot be met: benchmarks/nmpc_infeasible.md
       - Bounds on the changes of a feedback: benchmarks/nmpc_bounded.md
       - Controllers and estimators as C files: benchmarks/nmpc_c.md
+      - Feedback for systems that switch: benchmarks/nmpc_switching.md
       - Feedback through contacts: benchmarks/nmpc_contacts.md
       - Linear algebra: benchmarks/linalg.md
       - Evaluation of models: benchmarks/model-eval.md
