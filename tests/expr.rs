@@ -4,7 +4,9 @@ use std::process::Command;
 use std::sync::{Arc, OnceLock, Weak};
 
 use switchback::error::Error;
-use switchback::expr::{write_c, Block, Dag, Expr, ExprFunction, Graph, Piecewise, Tape, CYCLE_CODE, LANES};
+use switchback::expr::{
+    write_c, write_c_first, Block, CReal, Dag, Expr, ExprFunction, Graph, Id, Piecewise, Tape, Unary, CYCLE_CODE, LANES,
+};
 use switchback::func::{check_derivatives, Callback, CheckSettings, Dims, EvalError, EvalResult, Function, Point};
 use switchback::linalg::csc::Pattern;
 
@@ -179,6 +181,124 @@ fn generated_c_calls_external_functions() {
     // What is not called is not asked for.
     let f = g.function("affine", DIMS, &[g.x(0)]).unwrap();
     assert!(!write_c(&[&f]).unwrap().contains("extern"));
+}
+
+#[test]
+fn generated_c_solves_inner_problems() {
+    let g = Graph::new();
+    let [x, y, z] = [0, 1, 2].map(|i| g.x(i));
+    let outputs = {
+        let mut d = g.dag();
+        // w³ + w = v, once by itself and once within a least value
+        let root = |d: &mut Dag, v: Id| {
+            let w = d.unknowns(1);
+            let cube = d.powi(w[0], 3);
+            let sum = d.add(cube, w[0]);
+            let equation = d.sub(sum, v);
+            d.implicit(&[equation], &w, &[v]).unwrap()[0]
+        };
+        let product = d.mul(x.id(), y.id());
+        let once = root(&mut d, product);
+        let w = d.unknowns(2);
+        let inside = root(&mut d, w[0]);
+        let squares = [inside, w[1]].map(|v| d.powi(v, 2));
+        let both = d.mul(w[0], w[1]);
+        let tenth = d.constant(0.1);
+        let both = d.mul(tenth, both);
+        let cost = d.add(squares[0], squares[1]);
+        let cost = d.add(cost, both);
+        let terms = [(w[0], y.id()), (w[1], z.id())].map(|(a, b)| d.mul(a, b));
+        let cost = d.sub(cost, terms[0]);
+        let cost = d.sub(cost, terms[1]);
+        let (least, at) = d.inner_minimum(cost, &w, &[z.id(), y.id()]).unwrap();
+        // an ellipse and a disc
+        let way = d.unknowns(2);
+        let [a, b] = [0, 1].map(|i| d.powi(way[i], 2));
+        let four = d.constant(4.0);
+        let wide = d.mul(four, a);
+        let sum = [(wide, b), (a, b)].map(|(a, b)| d.add(a, b));
+        let [long, round] = sum.map(|s| d.unary(Unary::Sqrt, s));
+        let support = d.add(long, round);
+        let between = [z.id(), g.u(0).id()];
+        let (gap, normal) = d.signed_distance(&between, support, &way, &between, 2.0).unwrap();
+        [once, least, at[1], gap, normal[0]]
+    };
+    let f = ExprFunction::new("model", &mut g.dag(), DIMS, &outputs).unwrap();
+    assert_generated_c(&f, "expr_c_inner", "");
+    let code = write_c(&[&f]).unwrap();
+    // one function for the root that is there twice, and no memory but that of the stack
+    assert_eq!(code.matches("static int model_inner").count(), code.matches("model_inner2_value(double").count() * 12 + 1);
+    assert!(!code.contains("model_inner3") && !code.contains("malloc"));
+    // single precision has steps and halvings of its own
+    let single = write_c_first(&[("model", &f)], CReal::Float).unwrap();
+    assert!(single.contains("1.1920928955078125e-7f") && !single.contains("double"), "{single}");
+}
+
+#[test]
+fn generated_c_of_inner_problems_agrees_at_random_points() {
+    let g = Graph::new();
+    let f = {
+        let mut d = g.dag();
+        let x = [0, 1, 2].map(|i| g.x(i).id());
+        let w = d.unknowns(3);
+        // the way from an ellipsoid, for points on all sides of it
+        let squares: Vec<Id> = w.iter().map(|&w| d.powi(w, 2)).collect();
+        let mut inside = d.constant(0.0);
+        for (k, s) in squares.iter().enumerate() {
+            let size = d.constant(0.3 + 0.4 * k as f64);
+            let term = d.mul(size, *s);
+            inside = d.add(inside, term);
+        }
+        let support = d.unary(Unary::Sqrt, inside);
+        let (gap, normal) = d.signed_distance(&x, support, &w, &x, 1.0).unwrap();
+        ExprFunction::new("model", &mut d, DIMS, &[gap, normal[0], normal[1], normal[2]]).unwrap()
+    };
+    let dir = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("expr_c_inner_random");
+    std::fs::create_dir_all(&dir).unwrap();
+    std::fs::write(dir.join("model.c"), write_c(&[&f]).unwrap()).unwrap();
+    let (nj, nh) = (f.jac_pattern().nnz(), f.hess_pattern().nnz());
+    let mut state = 7_u64;
+    let mut random = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        4.0 * ((state >> 11) as f64 / (1_u64 << 53) as f64) - 2.0
+    };
+    let points: Vec<[f64; 3]> = (0..200).map(|_| [random(), random(), random()]).collect();
+    let rows: Vec<String> = points.iter().map(|p| format!("{{{:?}, {:?}, {:?}}}", p[0], p[1], p[2])).collect();
+    let driver = format!(
+        "#include \"model.c\"\n#include <stdio.h>\nstatic const double x[][3] = {{{}}};\nint main(void) {{\n\
+         const double u[] = {{0.9}}, p[] = {{1.7}}, w[] = {{1.0, -0.5, 0.3, 2.0}};\n\
+         static double out[{n}];\nint k, i;\nfor (k = 0; k < 200; k++) {{\n\
+         int code = model_value(0.4, x[k], u, p, out) || model_jacobian(0.4, x[k], u, p, out + 4) || \
+         model_hessian(0.4, x[k], u, p, w, out + {h});\n\
+         printf(\"%d\\n\", code);\nfor (i = 0; i < {n}; i++) printf(\"%.17g\\n\", code ? 0.0 : out[i]);\n}}\nreturn 0;\n}}\n",
+        rows.join(", "),
+        n = 4 + nj + nh,
+        h = 4 + nj,
+    );
+    std::fs::write(dir.join("driver.c"), driver).unwrap();
+    let flags = ["-std=c99", "-O2", "-ffp-contract=off", "-o", "driver", "driver.c", "-lm"];
+    assert!(Command::new("cc").args(flags).current_dir(&dir).status().unwrap().success());
+    let result = Command::new(dir.join("driver")).output().unwrap();
+    let text = String::from_utf8(result.stdout).unwrap();
+    let mut numbers = text.lines().map(|l| l.parse::<f64>().unwrap());
+    let (mut work, mut solved) = (vec![0.0; f.work_len()], 0);
+    for x in &points {
+        let at = Point { t: 0.4, x, u: &[0.9], p: &[1.7] };
+        let mut exact = vec![0.0; 4 + nj + nh];
+        let (value, rest) = exact.split_at_mut(4);
+        let (jacobian, hessian) = rest.split_at_mut(nj);
+        let fine = f.value(&at, value, &mut work).is_ok()
+            && f.jacobian(&at, jacobian, &mut work).is_ok()
+            && f.hessian(&at, &[1.0, -0.5, 0.3, 2.0], hessian, &mut work).is_ok();
+        assert_eq!(numbers.next().unwrap() == 0.0, fine, "{x:?}");
+        solved += usize::from(fine);
+        let size = exact.iter().fold(1.0, |m: f64, v| v.abs().max(m));
+        for v in exact {
+            let got = numbers.next().unwrap();
+            assert!(!fine || (got - v).abs() <= 1e-13 * size, "{x:?}: {got} {v}");
+        }
+    }
+    assert!(solved > 150, "{solved}");
 }
 
 /// Compiles the code with the strictest flags, runs it and compares; `definitions` of functions go before it.

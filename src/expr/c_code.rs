@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
+use super::c_inner::{self, Inner};
 use super::dag::{CallKind, External};
 use super::function::ExprFunction;
 use super::implicit::Implicit;
@@ -25,6 +26,9 @@ use crate::linalg::csc::Pattern;
 /// linked. They return 0, or a code that the caller returns, and write all entries of the patterns that stand
 /// beside their declarations.
 ///
+/// Inner problems ([`super::Dag::implicit`] and its like) become C functions that iterate as the library does, with arrays of fixed size: the code
+/// is 1 where they have no solution.
+///
 /// Compile without contraction of products and sums (`-ffp-contract=off`) for the same bits.
 ///
 /// # Errors
@@ -33,9 +37,9 @@ pub fn write_c(functions: &[&ExprFunction]) -> Result<String> {
     let mut out = String::from(PREAMBLE);
     let tapes = functions.iter().flat_map(|f| [f.value_tape(), f.jacobian_tape(), f.hessian_tape()]);
     let names: Vec<&str> = functions.iter().map(|f| f.name()).collect();
-    declarations(&mut out, &names, tapes)?;
+    let inner = declarations(&mut out, &names, tapes, CReal::Double)?;
     for f in functions {
-        function(&mut out, f);
+        function(&mut out, f, &inner);
     }
     Ok(out)
 }
@@ -60,12 +64,12 @@ pub fn write_c_first(functions: &[(&str, &ExprFunction)], real: CReal) -> Result
     let mut out = String::from(PREAMBLE);
     let tapes = functions.iter().flat_map(|(_, f)| [f.value_tape(), f.jacobian_tape()]);
     let names: Vec<&str> = functions.iter().map(|f| f.0).collect();
-    declarations(&mut out, &names, tapes)?;
+    let inner = declarations(&mut out, &names, tapes, real)?;
     for (name, f) in functions {
         out.push('\n');
         pattern(&mut out, &format!("{name}_jacobian"), f.jac_pattern());
-        body(&mut out, name, "value", f.value_tape(), false);
-        body(&mut out, name, "jacobian", f.jacobian_tape(), false);
+        body(&mut out, name, "value", f.value_tape(), false, &inner);
+        body(&mut out, name, "jacobian", f.jacobian_tape(), false, &inner);
     }
     match real {
         CReal::Double => Ok(out),
@@ -135,17 +139,18 @@ pub(crate) fn fingerprint(text: &str, seed: u64) -> u64 {
     text.bytes().fold(0xcbf2_9ce4_8422_2325 ^ seed, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
 }
 
-/// Checks all names and declares what is called.
-fn declarations<'a>(out: &mut String, own: &[&str], tapes: impl Iterator<Item = &'a Tape>) -> Result<()> {
+/// Checks all names, declares what is called, and writes the inner problems.
+fn declarations<'a>(
+    out: &mut String,
+    own: &[&str],
+    tapes: impl Iterator<Item = &'a Tape> + Clone,
+    real: CReal,
+) -> Result<Inner> {
+    let inner = Inner::new(own.first().copied().unwrap_or_default(), tapes.clone());
     let mut names: Vec<&str> = Vec::new();
-    let externals = externals(tapes);
-    if externals.iter().any(|e| Implicit::of(&e.0).is_some()) {
-        return Err(Error::Unsupported(
-            "there is no C code of inner problems (implicit functions, gaps between shapes): call the library instead"
-                .into(),
-        ));
-    }
-    for name in own.iter().copied().chain(externals.iter().map(|e| e.0.name())) {
+    let externals = externals(tapes.collect::<Vec<&Tape>>().into_iter().chain(inner.tapes()));
+    let solved = inner.functions().map(|(_, name)| name);
+    for name in own.iter().copied().chain(externals.iter().map(|e| e.0.name())).chain(solved) {
         if !is_c_identifier(name) || names.contains(&name) {
             return Err(Error::Range(format!(
                 "'{name}' cannot name a function in C: use letters, digits and underscores, each name once"
@@ -156,14 +161,25 @@ fn declarations<'a>(out: &mut String, own: &[&str], tapes: impl Iterator<Item = 
     for (f, parts) in &externals {
         declaration(out, f.as_ref(), *parts);
     }
-    Ok(())
+    if !inner.is_empty() {
+        out.push_str(&c_inner::solvers(real));
+    }
+    for (f, name) in inner.functions() {
+        out.push('\n');
+        f.programs().for_each(|(what, tape)| body(out, name, what, tape, false, &inner));
+        out.push_str(&c_inner::value(f, name));
+    }
+    Ok(inner)
 }
 
-/// External functions, each once, with what is called of them: value, Jacobian, Hessian.
+/// External functions that are to be supplied, each once, with what is called of them: value, Jacobian, Hessian.
 fn externals<'a>(tapes: impl Iterator<Item = &'a Tape>) -> Vec<(External, [bool; 3])> {
     let mut found: Vec<(External, [bool; 3])> = Vec::new();
     for compound in tapes.flat_map(|t| &t.compounds) {
         let Compound::Call { f, what, .. } = compound else { continue };
+        if Implicit::of(f).is_some() {
+            continue;
+        }
         let k = found.iter().position(|e| Arc::ptr_eq(&e.0, f)).unwrap_or_else(|| {
             found.push((f.clone(), [false; 3]));
             found.len() - 1
@@ -210,7 +226,7 @@ fn declaration(out: &mut String, f: &dyn Function, [value, jacobian, hessian]: [
     out.push_str("#ifdef __cplusplus\n}\n#endif\n");
 }
 
-fn function(out: &mut String, f: &ExprFunction) {
+fn function(out: &mut String, f: &ExprFunction, inner: &Inner) {
     let (name, d) = (f.name(), f.dims());
     let sizes = [("nx", d.x), ("nu", d.u), ("np", d.p), ("n_out", f.n_out())];
     for (what, n) in sizes {
@@ -222,7 +238,7 @@ fn function(out: &mut String, f: &ExprFunction) {
     for (what, tape, weights) in
         [("value", f.value_tape(), false), ("jacobian", f.jacobian_tape(), false), ("hessian", f.hessian_tape(), true)]
     {
-        body(out, name, what, tape, weights);
+        body(out, name, what, tape, weights, inner);
     }
     put(
         out,
@@ -299,7 +315,7 @@ fn table(out: &mut String, name: &str, p: &Piecewise, order: u8) {
     );
 }
 
-fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) {
+fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool, inner: &Inner) {
     // Tables first, once for every derivative that is used.
     let mut tables: Vec<u32> = tape.code.iter().filter(|i| i.code == Code::Piecewise).map(|i| i.b).collect();
     tables.sort_unstable();
@@ -365,7 +381,7 @@ fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) {
             Code::PowI => format!("swb_code_powi({}, {})", a(), i.b as i32),
             Code::Piecewise => format!("{name}_{what}_table{}({})", i.b, a()),
             Code::Block => {
-                compound(out, &tape.compounds[i.a as usize], &dst, &operand);
+                compound(out, &tape.compounds[i.a as usize], &dst, &operand, inner);
                 continue;
             }
         };
@@ -380,7 +396,7 @@ fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) {
     out.push_str("    return 0;\n}\n");
 }
 
-fn compound(out: &mut String, c: &Compound, dst: &str, operand: &dyn Fn(u32) -> String) {
+fn compound(out: &mut String, c: &Compound, dst: &str, operand: &dyn Fn(u32) -> String, inner: &Inner) {
     let at = |k: usize| format!("(&{dst})[{k}]");
     let copy = |out: &mut String, v: &[u32]| {
         for (k, &r) in v.iter().enumerate() {
@@ -425,7 +441,7 @@ fn compound(out: &mut String, c: &Compound, dst: &str, operand: &dyn Fn(u32) -> 
                 out,
                 format_args!(
                     "        code = {}_{part}({}, {}, {weights}&{dst});\n        if (code != 0)\n            return code;\n    }}\n",
-                    f.name(),
+                    inner.name(f),
                     operand(args[d.t_col()]),
                     blocks.join(", "),
                 ),

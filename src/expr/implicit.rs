@@ -23,19 +23,19 @@ use crate::func::{Dims, EvalError, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
 
 /// Newton steps at most. The method is quadratic near a solution, so that more of them mean that there is none.
-const MOST_STEPS: usize = 100;
+pub(super) const MOST_STEPS: usize = 100;
 
 /// A step that is this small against the unknowns is the last one: its error is the square of it.
-const LAST_STEP: f64 = 1e-9;
+pub(super) const LAST_STEP: f64 = 1e-9;
 
 /// A step this small against all unknowns on the way that does not shrink any more is rounding: a root near zero has no digits of its own.
-const ROUNDED_STEP: f64 = 1e-12;
+pub(super) const ROUNDED_STEP: f64 = 1e-12;
 
 /// Share of the decrease that the slope promises which a step must have (Nocedal and Wright, section 3.1).
-const ARMIJO: f64 = 1e-4;
+pub(super) const ARMIJO: f64 = 1e-4;
 
 /// A promised change of this share of the terms of the merit is within its rounding: it does not say whether a step is good.
-const ROUNDING: f64 = 64.0 * f64::EPSILON;
+pub(super) const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Halvings of a step at most, to below the digits of a number.
 const MOST_HALVINGS: usize = 52;
@@ -133,6 +133,22 @@ impl Implicit {
         f.as_any()?.downcast_ref()
     }
 
+    /// Number of unknowns.
+    pub(super) fn unknowns(&self) -> usize {
+        self.n
+    }
+
+    /// Does it minimise?
+    pub(super) fn is_least(&self) -> bool {
+        self.least.is_some()
+    }
+
+    /// Its programs of unknowns (states) and arguments (parameters), by what they compute.
+    pub(super) fn programs(&self) -> impl Iterator<Item = (&'static str, &Tape)> {
+        let least = self.least.iter().flat_map(|(cost, value)| [("cost", cost), ("least", value)]);
+        [("start", &self.start), ("residual", &self.residual), ("matrix", &self.jacobian)].into_iter().chain(least)
+    }
+
     /// It as data, where it calls no function of the user.
     pub(super) fn saved(&self) -> Option<&SavedImplicit> {
         self.saved.as_ref()
@@ -176,17 +192,24 @@ impl Implicit {
             let shifted = positive_step(n, a.matrix, a.residual, a.factor, a.step);
             let size = largest(a.step);
             scale = largest(w).max(scale);
-            let rounded = size >= 0.5 * last && size <= ROUNDED_STEP * scale;
-            if !shifted && (size <= LAST_STEP * largest(w) || rounded) {
-                w.iter_mut().zip(&*a.step).for_each(|(w, d)| *w += d);
-                return Ok(());
-            }
-            last = if shifted { f64::INFINITY } else { size };
             let slope: f64 = a.step.iter().zip(&*a.residual).map(|(d, g)| d * g).sum();
             // terms may cancel: they are as large as the curvature makes them over the unknowns
             let certain = slope.abs() > ROUNDING * (f0.abs() + largest(a.matrix) * scale * scale);
+            let stays = size >= 0.5 * last;
+            if !shifted && (size <= LAST_STEP * largest(w) || stays && size <= ROUNDED_STEP * scale) {
+                w.iter_mut().zip(&*a.step).for_each(|(w, d)| *w += d);
+                return Ok(());
+            }
+            // where the cost is nearly flat rounding moves the unknowns for ever, and the value no more
+            if !shifted && stays && !certain {
+                return Ok(());
+            }
+            last = if shifted { f64::INFINITY } else { size };
             let good = |t: f64, now: EvalResult, v: f64| now.is_ok() && (!certain || v <= f0 + ARMIJO * t * slope);
-            search(w, a, |trial, a| value(f, trial, z, a.work), good)?;
+            // where second derivatives jump, as those of tables do, a step may end just before: then no number is nearer
+            if !search(w, a, |trial, a| value(f, trial, z, a.work), good)? {
+                return Ok(());
+            }
         }
         Err(EvalError::Recoverable)
     }
@@ -225,13 +248,13 @@ impl Implicit {
     }
 }
 
-/// Goes along the step, as far as it is good.
+/// Goes along the step, as far as it is good. Does that move anything?
 fn search(
     w: &mut [f64],
     a: &mut Arrays,
     mut merit: impl FnMut(&[f64], &mut Arrays) -> std::result::Result<f64, EvalError>,
     good: impl Fn(f64, EvalResult, f64) -> bool,
-) -> EvalResult {
+) -> std::result::Result<bool, EvalError> {
     let mut t = 1.0;
     let trial = std::mem::take(&mut a.trial);
     let mut found = Err(EvalError::Recoverable);
@@ -248,8 +271,8 @@ fn search(
             }
         };
         if good(t, result, v) {
+            found = Ok(*w != *trial);
             w.copy_from_slice(trial);
-            found = Ok(());
             break;
         }
         t *= 0.5;
@@ -905,7 +928,8 @@ mod tests {
         let mut other = Dag::new();
         let ids = read.restore(&mut other, &[]).unwrap();
         assert_eq!(SavedGraph::new(&other, &ids).unwrap(), saved);
-        assert!(crate::expr::write_c(&[&ExprFunction::new("f", &mut d, Dims { x: 2, u: 0, p: 0 }, &[sum]).unwrap()])
-            .is_err());
+        let f = ExprFunction::new("f", &mut d, Dims { x: 2, u: 0, p: 0 }, &[sum]).unwrap();
+        let code = crate::expr::write_c(&[&f]).unwrap();
+        assert_eq!(code.matches("f_inner0_value(double").count(), 1);
     }
 }

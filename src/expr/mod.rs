@@ -10,6 +10,7 @@
 
 mod bundle;
 mod c_code;
+mod c_inner;
 mod clauses;
 mod dag;
 mod diff;

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import switchback_control as swb
+from switchback_control import _gaps
 from switchback_control.multibody import Trees
+from switchback_control.shapes import _Pair
 
 ARM = """<robot name="arm">
   <link name="base"/>
@@ -119,11 +121,22 @@ def changed(*pairs):
     return text
 
 
+def test_cylinders_of_an_urdf():
+    text = changed(("<sphere radius=\"0.1\"/>", "<cylinder radius='0.1' length='0.7'/>"))
+    w = swb.World.from_urdf(text)
+    (shape,) = [s for b in w.bodies for s in b.shapes if s.kind == "cylinder"]
+    (before,) = [s for b in swb.World.from_urdf(ARM).bodies for s in b.shapes if s.kind == "sphere"]
+    assert shape.size == (0.7, 0.1) and shape.radius == 0.0 and shape.at == pytest.approx(before.at)
+    # along z in files
+    assert shape.turn[:, 0] == pytest.approx(before.turn[:, 2], abs=1e-15)
+    w.floor(-5.0)
+    assert len([c for c in w.scene.contacts if "rim" in c.name]) == 2
+
+
 def test_what_is_not_taken_of_an_urdf_is_refused_by_name():
-    cylinder = changed(("<sphere radius=\"0.1\"/>", "<cylinder radius='0.1' length='1'/>"))
     mesh = changed(("<sphere radius=\"0.1\"/>", "<mesh filename='a.stl'/>"))
     gazebo = changed(("</robot>", "<gazebo/></robot>"))
-    for text, part, words in ((cylinder, "cylinder", "link a: cylinder"), (mesh, "mesh", "link a: mesh"), (gazebo, "gazebo", "robot: gazebo")):
+    for text, part, words in ((mesh, "mesh", "link a: mesh"), (gazebo, "gazebo", "robot: gazebo")):
         with pytest.raises(swb.UnsupportedError, match=rf"{words}.*ignore=\['{part}'\]"):
             swb.World.from_urdf(text)
         assert len(swb.World.from_urdf(text, ignore=[part]).bodies) == 4
@@ -211,10 +224,34 @@ def test_a_model_of_mujoco_has_its_dynamics():
     assert run.success and len([c for c in w.scene.contacts if c.name.endswith("ground")]) == 2 + 1 + 8 + 1
 
 
+def test_cylinders_of_mujoco_have_its_distances():
+    """Distances of shapes that are turned at random, next to those that MuJoCo finds by its own method (Gilbert, Johnson and Keerthi)."""
+    mujoco = pytest.importorskip("mujoco")
+    size = {"cylinder": "0.3 0.5", "ellipsoid": "0.5 0.2 0.3", "box": "0.4 0.2 0.3", "capsule": "0.1 0.5", "sphere": "0.2"}
+    rng = np.random.default_rng(17)
+    for first, second in [("cylinder", k) for k in size] + [("ellipsoid", k) for k in ("box", "capsule", "sphere")]:
+        bodies = "".join(f'<body><freejoint/><geom type="{k}" size="{size[k]}" mass="1"/></body>' for k in (first, second))
+        m = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+        w = swb.World.from_mjcf(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+        a, b = w.bodies
+        touches = [t for t in _gaps.touches_of(_Pair(a, b, 0.0, 0.0))]
+        d, seen = mujoco.MjData(m), 0
+        for _ in range(30):
+            at = [*np.zeros(3), *rng.normal(size=4), *rng.normal(size=3) * rng.uniform(0.4, 1.5), *rng.normal(size=4)]
+            d.qpos[:] = at
+            mujoco.mj_forward(m, d)
+            exact = mujoco.mj_geomDistance(m, d, 0, 1, 10.0, np.zeros(6))
+            if exact < 0.02:
+                continue
+            seen += 1
+            s = w.scene._layout.read(np.concatenate([at, np.zeros(12)]), None, None, 0.0)
+            assert min(float(t.geometry(s)[0]) for t in touches) == pytest.approx(exact, abs=2e-6)
+        assert seen > 8
+
+
 def test_what_is_not_taken_of_a_model_of_mujoco():
     pytest.importorskip("mujoco")
     for old, new, words in (
-        ('type="sphere" size="0.08"', 'type="cylinder" size="0.08 0.1"', r"cylinder.*ignore=\['cylinder'\]"),
         ("</worldbody>", '</worldbody><actuator><motor joint="one"/></actuator>', r"actuator.*ignore=\['actuator'\]"),
         ("</worldbody>", '</worldbody><equality><joint joint1="one" joint2="two"/></equality>', "equality"),
         ('name="ball" type="ball"', 'name="ball" type="ball" damping="1"', "joint ball: damping of such a joint"),

@@ -211,6 +211,84 @@ def test_gaps_in_space_are_the_distance_of_cores(shapes):
     assert seen > 5
 
 
+HALF = {"box": (0.4, 0.3, 0.2), "capsule": (0.6, 0.0, 0.0), "cylinder": (0.4, 0.3, 0.3), "ellipsoid": (0.6, 0.4, 0.2), "sphere": (0.0, 0.0, 0.0)}
+
+
+def solid(world, kind):
+    """A body of that kind, rounded by 0.1 where it has edges; `HALF` is what is left without the radius."""
+    return {
+        "box": lambda: world.box(1.0, 0.6, mass=1.0, depth=0.8, rounding=0.1),
+        "capsule": lambda: world.capsule(1.2, 0.1, mass=1.0),
+        "cylinder": lambda: world.cylinder(1.0, 0.4, mass=1.0, rounding=0.1),
+        "ellipsoid": lambda: world.ellipsoid(*HALF["ellipsoid"], mass=1.0),
+        "sphere": lambda: world.sphere(0.1, mass=1.0, inertia=[1, 1, 1]),
+    }[kind]()
+
+
+def inside(kind, z):
+    """Functions that are positive in a core."""
+    half = np.array(HALF[kind])
+    if kind == "ellipsoid":
+        return np.array([1.0 - np.sum((z / half) ** 2)])
+    if kind == "cylinder":
+        return np.array([half[0] - z[0], half[0] + z[0], half[1] ** 2 - z[1] ** 2 - z[2] ** 2])
+    return np.concatenate([half - z, half + z])
+
+
+def apart_in_space(kinds, placed, turns):
+    """Distance of two cores, by SciPy: least distance of points of each."""
+    limits = [{"type": "ineq", "fun": lambda z, i=i, k=k: inside(k, z[3 * i : 3 * i + 3])} for i, k in enumerate(kinds)]
+    way = placed[0] - placed[1]
+    found = [
+        minimize(lambda z: np.sum((way + turns[0] @ z[:3] - turns[1] @ z[3:]) ** 2), start, constraints=limits, method="SLSQP", options={"ftol": 1e-16, "maxiter": 1000})
+        for start in (np.zeros(6), np.concatenate([-way @ turns[0], way @ turns[1]]) / 4)
+    ]
+    return np.sqrt(min((r.fun for r in found if r.success), default=np.nan))
+
+
+@pytest.mark.parametrize(
+    "kinds", [("ellipsoid", k) for k in ("box", "capsule", "cylinder", "sphere")] + [("cylinder", k) for k in ("sphere", "capsule", "box", "cylinder")]
+)
+def test_gaps_of_ellipsoids_and_cylinders_are_distances(kinds):
+    w = swb.World(space=True)
+    bodies = [solid(w, k) for k in kinds]
+    touches = [t for p in w._stated() for t in _gaps.touches_of(p)]
+    number = {"sphere": 1, "capsule": 2 + 8 + 3, "box": 8 + 8 + 3, "cylinder": 8 + 8 + 5}[kinds[1]]
+    assert len(touches) == len(w.scene.contacts) == (1 if kinds[0] == "ellipsoid" else number)
+    radius = sum(b.radius for b in bodies)
+    f = w.scene.graph.function([c.gap for c in w.scene.contacts], nx=w.scene.nx)
+    r, seen = np.random.default_rng(61), 0
+    for k in range(60):
+        turns = [np.linalg.qr(r.normal(size=(3, 3)))[0] for _ in range(2)]
+        if k % 4 == 0:  # axes along each other
+            turns[1] = turns[0] @ np.eye(3)[r.permutation(3)]
+        turns = [t * np.linalg.det(t) for t in turns]
+        placed = [np.zeros(3), r.normal(size=3) * r.uniform(0.3, 1.5)]
+        x = np.concatenate([c for at, t in zip(placed, turns) for c in (at, _gaps.sp.quaternion_of(t))])
+        state = w.scene._layout.read(np.concatenate([x, np.zeros(12)]), None, None, 0.0)
+        exact = apart_in_space(kinds, placed, turns)
+        if not exact > 0.02:
+            continue
+        seen += 1
+        all = [t.geometry(state) for t in touches]
+        gap, normal, _, point = min(all, key=lambda g: float(g[0]))
+        assert float(gap) == pytest.approx(exact - radius, abs=2e-7)
+        # the point of contact is on the first body of the contact, and the other one as far away as the gap says
+        first = touches[[g[0] for g in all].index(gap)].a
+        i = bodies.index(first)
+        own = (np.array(point, dtype=float) + np.array(normal, dtype=float) * first.radius - placed[i]) @ turns[i]
+        assert inside(kinds[i], own).min() > -1e-6
+        # the expressions of the scene say the same, with their derivatives
+        full = np.concatenate([x, np.zeros(12)])
+        assert f(full) == pytest.approx([float(g[0]) for g in all], abs=1e-12)
+        move = np.concatenate([r.normal(size=14), np.zeros(12)])
+        slope = (f(full + 1e-6 * move) - f(full - 1e-6 * move)) / 2e-6
+        near = [i for i, g in enumerate(all) if g[0] < gap + 1e-3]
+        if k % 4:
+            assert (np.asarray(f.jacobian(full))[:, :26] @ move)[near] == pytest.approx(slope[near], abs=1e-6)
+    assert seen > 10
+
+
 # --- motions --------------------------------------------------------------------------------------------
 
 
@@ -337,6 +415,47 @@ def test_ellipsoids_in_space_keep_momentum_and_energy():
     assert np.abs(energy - energy[0]).max() < 1e-8
 
 
+@pytest.mark.parametrize("kind", ["box", "capsule", "cylinder"])
+def test_round_ellipsoids_are_balls(kind):
+    """A ball that drops on a turned body and bounces off it, written as an ellipsoid and as a sphere."""
+    ends = []
+    for egg in (True, False):
+        w = swb.World(gravity=[0.0, 0.0, -1.0], space=True, mu=0.3, e=0.7)
+        body = solid(w, kind)
+        ball = w.ellipsoid(0.2, 0.2, 0.2, mass=0.5) if egg else w.sphere(0.2, mass=0.5, inertia=[0.008] * 3)
+        w.place(body, turn=[0.3, 0.2, 0.5], omega=[0.1, 0.2, 0.3], vz=1.0)
+        w.place(ball, 0.15, 0.05, z=1.2, omega=[1.0, 0.0, 2.0])
+        run = w.simulate(2.0, **TIGHT)
+        ends.append([len(run.impacts) > 0, *run.x[-1]])
+    assert ends[0][0] and ends[0] == pytest.approx(ends[1], abs=1e-6)
+
+
+@pytest.mark.parametrize("kinds", [("ellipsoid", "box"), ("ellipsoid", "cylinder"), ("cylinder", "cylinder"), ("cylinder", "box"), ("cylinder", "capsule")])
+def test_elastic_bodies_in_space_keep_momentum_and_energy(kinds):
+    w = swb.World(gravity=0.0, space=True, e=1.0)
+    bodies = [solid(w, k) for k in kinds]
+    r = np.random.default_rng(23)
+    for sign, b in zip((-1.0, 1.0), bodies):
+        w.place(b, sign, 0.1 * sign, vx=-sign, turn=r.normal(size=4), omega=r.normal(size=3))
+    run = w.simulate(1.5, **TIGHT)
+    assert len(run.impacts) > 0
+    before, after = (_all_in_space(w, run, t) for t in (0.0, 1.5))
+    assert after == pytest.approx(before, abs=1e-8)
+
+
+def _all_in_space(w, run, t):
+    p, turning, energy = np.zeros(3), np.zeros(3), 0.0
+    for b in w.bodies:
+        way = w.trajectory(run, b, [t])
+        v, at = np.array([way.vx[0], way.vy[0], way.vz[0]]), np.array([way.x[0], way.y[0], way.z[0]])
+        turn = np.array(_gaps.sp.of_quaternion(way.quaternion[0].tolist()))
+        inertia = turn @ np.array(b.inertia) @ turn.T
+        p = p + b.mass * v
+        turning = turning + b.mass * np.cross(at, v) + inertia @ way.omega[0]
+        energy += 0.5 * b.mass * v @ v + 0.5 * way.omega[0] @ inertia @ way.omega[0]
+    return np.array([*p, *turning, energy])
+
+
 def test_crossed_capsules_bounce_like_their_middle_lines():
     """One falls across another that is heavy and rests: the impact is along the vertical, at the crossing."""
     w = swb.World(space=True, e=0.5, gravity=0.0)
@@ -429,6 +548,13 @@ def test_shapes_without_a_distance_are_refused():
     space = swb.World(space=True)
     with pytest.raises(swb.UnsupportedError, match="ellipse"):
         space.ellipse(1.0, 0.5, mass=1.0)
-    a = space.box(1, 1, mass=1.0, depth=1, rounding=0.1)
-    with pytest.raises(swb.UnsupportedError, match="all shapes but ellipsoids"):
-        space.contacts((a, space.ellipsoid(1, 1, 2, mass=1.0)))
+    sharp, egg = space.cylinder(1.0, 0.2, mass=1.0), space.ellipsoid(1, 1, 2, mass=1.0)
+    for other in (egg, space.box(1, 1, mass=1.0, depth=1), space.point(1.0)):
+        with pytest.raises(swb.UnsupportedError, match="rounding"):
+            space.contacts((sharp, other))
+    space.contacts((sharp, space.sphere(0.1, mass=1.0)))
+    for rounding in (-0.1, 0.2, 0.5, np.nan):
+        with pytest.raises(swb.RangeError, match="rims"):
+            space.cylinder(1.0, 0.2, mass=1.0, rounding=rounding)
+    with pytest.raises(swb.UnsupportedError, match="in the plane"):
+        w.cylinder(1.0, 0.2, mass=1.0)

@@ -111,6 +111,7 @@ def test_moments_of_inertia():
     shapes = (
         (w.box(0.8, 0.4, 1.0, depth=0.6), (abs(x) <= 0.4) & (abs(y) <= 0.3) & (abs(z) <= 0.2)),
         (w.capsule(n, r, 1.0), np.maximum(abs(x) - n / 2, 0) ** 2 + y**2 + z**2 <= r * r),
+        (w.cylinder(0.9, 0.5, 1.0), (abs(x) <= 0.45) & (y**2 + z**2 <= 0.25)),
         (w.ellipsoid(0.9, 0.5, 0.3, 1.0), (x / 0.9) ** 2 + (y / 0.5) ** 2 + (z / 0.3) ** 2 <= 1),
     )
     for body, inside in shapes:
@@ -138,6 +139,68 @@ def test_an_ellipsoid_touches_where_it_is_lowest():
         gap, _, _, point = touch.geometry(s)
         lowest = 3.0 + ((sphere * semi + [0.1, -0.05, 0.02]) @ rotation.T)[:, 2].min()
         assert gap == pytest.approx(lowest, abs=2e-4) and point[2] == pytest.approx(gap, abs=1e-12)
+
+
+def test_a_cylinder_touches_where_it_is_lowest():
+    from switchback_control.shapes import BodyState, States
+
+    rng = np.random.default_rng(14)
+    for rounding in (0.0, 0.1):
+        w = swb.World(space=True)
+        can, floor = w.cylinder(1.0, 0.4, 1.0, rounding=rounding, name="can"), w.floor()
+        touches = w.scene._layout.touches
+        assert len(touches) == 2 * (1 + 4)
+        for k in range(20):
+            q = rng.normal(size=4)
+            rotation = matrix(q / np.linalg.norm(q))
+            if k < 6:  # upright and lying
+                rotation = np.roll(np.eye(3), k, axis=0)
+            s = States(w, {"can": BodyState([1.0, 2.0, 3.0], [0.0] * 3, None, [0.0] * 3, rotation.tolist())}, None, None, 0.0)
+            lowest = min(float(t.geometry(s)[0]) for t in touches)
+            down = rotation[2, 0]
+            exact = 3.0 - (0.5 - rounding) * abs(down) - (0.4 - rounding) * np.sqrt(max(1.0 - down**2, 0.0)) - rounding
+            assert lowest == pytest.approx(exact, abs=1e-8)
+            for t in touches:
+                gap, _, _, point = t.geometry(s)
+                assert point[2] == pytest.approx(gap, abs=1e-8)
+
+
+def test_a_cylinder_rolls_down():
+    """Without sliding its acceleration is two thirds of that along the slope, and it needs a third of it as friction."""
+    slope, r = 0.3, 0.2
+    w = swb.World([G * np.sin(slope), 0.0, -G * np.cos(slope)], space=True, mu=0.2)
+    can, _ = w.cylinder(0.5, r, 2.0, name="can"), w.floor()
+    w.place(can, z=r, turn=[0, 0, np.pi / 2])
+    run = w.simulate(1.0, **TIGHT)
+    way = w.trajectory(run, can, [1.0])
+    assert way.x == pytest.approx(G * np.sin(slope) / 3, rel=1e-7)
+    assert way.omega[0] == pytest.approx([0.0, 2 / 3 * G * np.sin(slope) / r, 0.0], abs=1e-6)
+    assert len(run.impacts) == 0
+
+
+def test_a_cylinder_stands_and_falls():
+    """Pushed at half of its height h by F: it stands where F h / 2 < m g r, slides where F > mu m g, and tips over its rim else."""
+    from scipy.integrate import solve_ivp
+
+    ends = []
+    for push in (1.0, 3.0):
+        w = swb.World(space=True, mu=0.5)
+        can, _ = w.cylinder(1.0, 0.1, 1.0, name="can"), w.floor()
+        w.place(can, z=0.5, turn=[0, -np.pi / 2, 0])
+        w.force(can, lambda s, push=push: [push, 0.0, 0.0])
+        steps = w.scene.simulate_steps(*w.start(), 0.5, 1e-3)
+        ends.append(steps.x[-1, 2:7])
+    up = [abs(matrix(e[1:] / np.linalg.norm(e[1:]))[2, 0]) for e in ends]
+    assert up[0] == pytest.approx(1.0, abs=1e-6) and ends[0][0] == pytest.approx(0.5, abs=1e-5)
+    # about the point of the rim that stays
+    inertia = 0.01 / 4 + 1 / 12 + 0.01 + 0.25
+
+    def turning(t, y):
+        c, s = np.cos(y[0]), np.sin(y[0])
+        return [y[1], (3.0 * (0.5 * c + 0.1 * s) - G * (0.1 * c - 0.5 * s)) / inertia]
+
+    tilt = solve_ivp(turning, (0.0, 0.5), [0.0, 0.0], rtol=1e-9, atol=1e-12).y[0, -1]
+    assert np.arccos(up[1]) == pytest.approx(tilt, abs=2e-3)
 
 
 def test_an_ellipsoid_rocks():
@@ -265,7 +328,11 @@ def test_bad_input_in_space():
         (lambda: w.sphere(0.1, 1.0, [1, 1, 1], turns=False), swb.ArgumentError, "axes of its own"),
         (lambda: w.link(1.0, None), swb.ArgumentError, "needs an inertia"),
         (lambda: w.link(1.0, 1.0, ["sphere"]), swb.ArgumentError, "list of Shape"),
-        (lambda: swb.Shape("cylinder"), swb.UnsupportedError, "'cylinder'"),
+        (lambda: swb.Shape("cone"), swb.UnsupportedError, "'cone'"),
+        (lambda: swb.Shape("cylinder", [1.0]), swb.DimensionError, "size of a cylinder"),
+        (lambda: swb.Shape("cylinder", [1.0, -0.1]), swb.RangeError, "rims"),
+        (lambda: w.cylinder(0.0, 0.1, 1.0), swb.RangeError, "length of a cylinder"),
+        (lambda: w.cylinder(0.1, 0.1, 1.0, centre=[0, 0, 1]), swb.ArgumentError, "give its inertia"),
         (lambda: swb.Shape("box", [1, 1]), swb.DimensionError, "size of a box"),
         (lambda: swb.Shape("sphere", radius=0), swb.RangeError, "must be positive"),
         (lambda: swb.Shape("sphere", radius=1, turn=[1, 2]), swb.DimensionError, "quaternion"),
@@ -276,7 +343,7 @@ def test_bad_input_in_space():
         (lambda: plane.place(disc, turn=[1, 0, 0, 0]), swb.UnsupportedError, "by its angle"),
         (lambda: plane.box(1, 1, 1.0, depth=1), swb.UnsupportedError, "no depth"),
         (lambda: plane.ellipsoid(1, 1, 1, 1.0), swb.UnsupportedError, "in the plane"),
-        (lambda: w.contacts((box, w.ellipsoid(1, 1, 1, 1.0, name="egg"))), swb.UnsupportedError, "all shapes but ellipsoids"),
+        (lambda: w.contacts((box, w.ellipsoid(1, 1, 1, 1.0, name="egg"))), swb.UnsupportedError, "sharp corners"),
         (lambda: w.contacts((bare, floor)), swb.UnsupportedError, "has no shape"),
         (lambda: w.contacts((box, w.plane([1, 0, 0], on=box, name="side"))), swb.ArgumentError, "do not move"),
         (lambda: w.plane([1, 0, 0], on="nobody"), swb.ArgumentError, "'nobody' is no body"),

@@ -10,7 +10,8 @@ from typing import Any
 import numpy
 
 from . import _spatial as sp
-from .expr import Expr, Graph, _graph_among, signed_distance, solve, table
+from ._solids import clamped, distance, nearest
+from .expr import Graph, _graph_among, signed_distance, solve
 from .expr import sqrt as _sqrt
 from .function import Function
 from .shapes import Body, BodyState, Fixed, States, _Pair, _Spot, _value
@@ -23,9 +24,10 @@ _LEAST = 1e-300  # nothing next to the square of any length
 
 @dataclass(frozen=True)
 class _Core:
-    """A box of half widths about a place of a body, with a radius around it; some may be zero, as those of a capsule are.
+    """A box of half widths about a place of a body, with a radius around it; some may be zero, as those of a capsule are. It may be another
+    body of `nearest`: a cylinder, its ends, or an ellipsoid.
 
-    `side` is the axis and sign of a side: what touches an ellipsoid there is the point of it that is deepest below that side.
+    `side` is the axis and sign of a side: what touches an ellipse there is the point of it that is deepest below that side.
     """
 
     name: str
@@ -34,6 +36,12 @@ class _Core:
     radius: float
     turn: Any = None
     side: tuple[int, float] | None = None
+    kind: str = "box"
+
+    def frame(self, body: Any) -> list[list[Any]]:
+        """Rows of its rotation, those of the body at a time."""
+        turn = sp.EYE if self.turn is None else self.turn
+        return sp.transposed([body.turned([row[i] for row in turn]) for i in range(3)])
 
 
 @dataclass(frozen=True)
@@ -124,20 +132,13 @@ def _smooth(between: list[Any], spots: list[_Spot], bodies: list[Any], size: flo
     return values[..., 0], [values[..., 1 + i] for i in range(n)]
 
 
-def _clamped(a: Any, half: float) -> Any:
-    """The nearest value between minus and plus a half width."""
-    if half == 0.0:
-        return 0.0
-    return table(a, [-half, half], [-half, half], "lines") if isinstance(a, Expr) else numpy.clip(a, -half, half)
-
-
 @dataclass(frozen=True, eq=False)
 class _Touch:
     """A contact of the scene: a spot of a body with a plane, with a spot of another body, or with its core."""
 
     name: str
     a: Body
-    spot: _Spot | _Edge
+    spot: _Spot | _Edge | _Core
     b: Body | Fixed
     other: _Spot | _Core | _Edge | None
     mu: Any
@@ -163,7 +164,7 @@ class _Touch:
         else:
             speed = 0.0
             with_: Any = self._with_core if isinstance(self.other, _Core) else self._with_spot
-            with_ = self._with_edge if isinstance(self.other, _Edge) else with_
+            with_ = self._with_edge if isinstance(self.other, _Edge) else self._of_cores if isinstance(spot, _Core) else with_
             gap, normal, out, foot = with_(a, b, centre)
             tangents = [[normal[1], -normal[0]]] if len(normal) == 2 else sp.tangents_of(normal)
         point = sp.add(centre, out)
@@ -209,14 +210,28 @@ class _Touch:
         way = sp.subtract(centre, sp.add(list(b.position), foot))
         cosine, on_u, on_v = sp.dot(u, v), sp.dot(u, way), sp.dot(v, way)
         share = 1.0 / (1.0 - cosine * cosine + _PARALLEL)
-        s = _clamped((cosine * on_v - on_u) * share, mine.half)
-        t = _clamped((on_v - cosine * on_u) * share, theirs.half)
+        s = clamped((cosine * on_v - on_u) * share, mine.half)
+        t = clamped((on_v - cosine * on_u) * share, theirs.half)
         at, foot = sp.scale(s, u), sp.add(foot, sp.scale(t, v))
         between = sp.subtract(sp.add(way, at), sp.scale(t, v))
         distance = numpy.sqrt(sp.dot(between, between) + _LEAST)
         normal = [c / distance for c in between]
         gap = distance - mine.radius - theirs.radius
         return gap, normal, sp.subtract(at, sp.scale(mine.radius, normal)), sp.add(foot, sp.scale(theirs.radius, normal))
+
+    def _of_cores(self, a: BodyState, b: BodyState, centre: list[Any]) -> tuple[Any, list[Any], list[Any], list[Any]]:
+        """Of two cores by an inner problem: of an ellipsoid, or of a cylinder or an end of it, with what is no ball."""
+        mine: Any = self.spot
+        theirs: Any = self.other
+        middle = b.turned(theirs.at)
+        between = sp.subtract(centre, sp.add(list(b.position), middle))
+        forms = [(core.kind, core.half) for core in (mine, theirs)]
+        apart, first, second = distance(forms, between, [mine.frame(a), theirs.frame(b)])
+        away = sp.subtract(first, second)
+        length = numpy.sqrt(sp.dot(away, away) + _LEAST)
+        normal = [c / length for c in away]
+        out = sp.subtract(sp.subtract(first, between), sp.scale(mine.radius, normal))
+        return apart - mine.radius - theirs.radius, normal, out, sp.add(sp.add(middle, second), sp.scale(theirs.radius, normal))
 
     def _with_core(self, a: BodyState, b: BodyState, centre: list[Any]) -> tuple[Any, list[Any], list[Any], list[Any]]:
         """With the core of a box or capsule: the distance from its nearest point, which has one continuous derivative."""
@@ -237,14 +252,14 @@ class _Touch:
             axis, sign = core.side
             out, _ = _out(self.spot, a, turned([-sign if i == axis else 0.0 for i in range(n)]))
         place = back(sp.subtract(sp.add(centre, out), sp.add(list(b.position), middle)))
-        nearest = [_clamped(c, h) for c, h in zip(place, core.half)]
-        away = sp.subtract(place, nearest)
+        near = nearest(core.kind, core.half, place)
+        away = sp.subtract(place, near)
         # the least number keeps derivatives finite inside of the core, where the bodies overlap and are refused
         distance = numpy.sqrt(sp.dot(away, away) + _LEAST)
         normal = turned([c / distance for c in away])
         if core.side is None:
             out = sp.scale(-radius, normal)
-        foot = sp.add(sp.add(middle, turned(nearest)), sp.scale(core.radius, normal))
+        foot = sp.add(sp.add(middle, turned(near)), sp.scale(core.radius, normal))
         return distance - radius - core.radius, normal, out, foot
 
 
@@ -290,12 +305,15 @@ def touches_of(pair: _Pair) -> list[_Touch]:
 
     Two convex bodies of which one is a box or a capsule are nearest at a corner of one of them, or an edge of each: so a corner or an end
     of each is a contact with the core of the other. Where an ellipse is in it, the corners touch the ellipse, and each side the point of it
-    that is deepest below.
+    that is deepest below. In space see `_in_space`.
     """
     a, b = pair.a, pair.b
     if isinstance(b, Fixed):
         return [_Touch(f"{_named(a, spot)}-{b.name}", a, spot, b, None, pair.mu, pair.e) for spot in a._spots]
-    out = []
+    out: list[Any] = []
+    if a.shapes:
+        out = [touch for first in _solids_of(a) for second in _solids_of(b) for touch in _in_space(a, first, b, second)]
+        return [_Touch(f"{_named(x, s)}-{_named(y, o)}", x, s, y, o, pair.mu, pair.e, n) for x, s, y, o, n in out]
     for first, mine in _shapes_of(a):
         for second, theirs in _shapes_of(b):
             size = _size(first + second)
@@ -304,9 +322,6 @@ def touches_of(pair: _Pair) -> list[_Touch]:
                 continue
             out += [(a, s, b, c, size) for c in theirs for s in first if s.squares is None]
             out += [(b, s, a, c, size) for c in mine for s in second if s.squares is None]
-            if mine and theirs and len(a._spots[0].at) == 3:
-                ours, others = (_edges_of(c[0], c[0].name.removesuffix("side").strip()) for c in (mine, theirs))
-                out += [(a, i, b, j, size) for i in ours for j in others]
             for body, spots, other, cores, corners in ((a, first, b, theirs, second), (b, second, a, mine, first)):
                 bent = [s for s in spots if s.squares is not None]
                 out += [(body, s, other, o, size) for s in bent if cores for o in corners]
@@ -319,27 +334,79 @@ def _named(body: Body, part: _Spot | _Core) -> str:
 
 
 def _shapes_of(body: Body) -> list[tuple[list[_Spot], list[_Core]]]:
-    """Spots of every shape of a body, and its core if it has one."""
-    if not body.shapes:
-        half = body._half
-        return [(body._spots, [] if half is None else [_Core("side", (0.0, 0.0), half, body.radius)])]
+    """Spots of every shape of a body in the plane, and its core if it has one."""
+    half = body._half
+    return [(body._spots, [] if half is None else [_Core("side", (0.0, 0.0), half, body.radius)])]
+
+
+@dataclass(frozen=True)
+class _Solid:
+    """A shape of a body in space: its kind, what of it touches the cores of others, and its own core, none of a ball."""
+
+    kind: str
+    spots: list[_Spot]
+    core: _Core | None
+
+
+def _solids_of(body: Body) -> list[_Solid]:
     out, begin = [], 0
     for n, shape in enumerate(body.shapes, 1):
         spots = body._spots[begin : begin + len(shape._spots)]
         begin += len(spots)
+        turn = sp.constants(shape.turn)
         name = "side" if len(body.shapes) == 1 else f"{n} side"
-        core = shape._half and _Core(name, tuple(shape.at), shape._half, shape.radius, _turn_of(shape))
-        out.append((spots, [core] if core else []))
+        kind = shape.kind if shape.kind in ("cylinder", "ellipsoid") else "box"
+        core = shape._half and _Core(name, tuple(shape.at), shape._half, shape.radius, None if turn == sp.EYE else turn, kind=kind)
+        out.append(_Solid(shape.kind, [s for s in spots if s.rim is None], core or None))
     return out
 
 
-def _turn_of(shape: Any) -> Any:
-    turn = sp.constants(shape.turn)
-    return None if turn == sp.EYE else turn
+def _in_space(a: Body, first: _Solid, b: Body, second: _Solid) -> list[Any]:
+    """Contacts of two shapes in space.
+
+    Balls and ellipsoids have one smooth gap with each other, and so has a ball with a core. Of a box and a capsule see `touches_of`: two edges
+    may be nearest too. What is left has an inner problem:
+
+    - An ellipsoid touches any core in one point.
+    - A cylinder and another core have one gap for the whole, and one for each end of the cylinder. Where they touch along a line, its ends
+      are on those, or at a corner. Where they touch in an area, points of the ends and corners are contacts that hold it.
+
+    The least gap of all is that of the two shapes.
+    """
+    size = _size(first.spots + second.spots)
+    mine, theirs = first.core, second.core
+    bent = "ellipsoid" in (first.kind, second.kind)
+    if bent and mine is not None and theirs is not None and first.kind != second.kind:
+        return [(a, mine, b, theirs, size)]
+    if bent or (mine is None and theirs is None):
+        return [(a, s, b, o, size) for s in first.spots for o in second.spots]
+    out: list[Any] = [(a, s, b, theirs, size) for s in first.spots if theirs is not None]
+    out += [(b, s, a, mine, size) for s in second.spots if mine is not None]
+    if mine is None or theirs is None:
+        return out
+    if "cylinder" not in (first.kind, second.kind):
+        ours, others = (_edges_of(c, c.name.removesuffix("side").strip()) for c in (mine, theirs))
+        return out + [(a, i, b, j, size) for i in ours for j in others]
+    out.append((a, mine, b, theirs, size))
+    out += [(a, end, b, theirs, size) for end in _ends(mine)]
+    return out + [(b, end, a, mine, size) for end in _ends(theirs)]
+
+
+def _ends(core: _Core) -> list[_Core]:
+    """The two ends of a cylinder, which are cylinders without a length; none of others."""
+    if core.kind != "cylinder":
+        return []
+    along = numpy.array([core.half[0], 0.0, 0.0])
+    way = along if core.turn is None else numpy.array(core.turn) @ along
+    name = core.name.removesuffix("side")
+    return [
+        replace(core, name=f"{name}{word}", at=tuple(sp.constants(numpy.array(core.at) + sign * way)), half=(0.0, *core.half[1:]))
+        for word, sign in (("left", -1.0), ("right", 1.0))
+    ]
 
 
 def _sides(core: _Core) -> list[_Core]:
-    words = (("left", "right"), ("lower", "upper")) if len(core.half) == 2 else ()
+    words = (("left", "right"), ("lower", "upper"))
     return [
         _Core(f"{word} {core.name}", core.at, core.half, core.radius, core.turn, (axis, sign))
         for axis, pair in enumerate(words)
@@ -388,9 +455,12 @@ def _out(spot: _Spot, body: Any, direction: list[Any]) -> tuple[list[Any], Any]:
     """The way from the spot to the farthest point in the direction of a unit vector, and how far that is along it.
 
     Of an ellipsoid with the matrix S of squared semi-axes it is S d / sqrt(d . S d), the gradient of the support function."""
-    if spot.squares is None:
+    if spot.squares is None and spot.rim is None:
         return sp.scale(spot.radius, direction), spot.radius
     d = body.back(direction)
+    if spot.rim is not None:
+        place, reach = spot.rim.farthest(d)
+        return sp.add(body.turned(place), sp.scale(spot.radius, direction)), reach + spot.radius
     if spot.power is not None:
         place, reach = spot.power.farthest(d)
         return body.turned(place), reach

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ._gaps import _shapes_of
+from ._gaps import _Core, _shapes_of, _solids_of
 from .errors import UnsupportedError
 from .shapes import Body, Fixed
 
@@ -48,6 +48,13 @@ def _still(world: World) -> set[str]:
     return out
 
 
+def _cores_of(body: Body) -> list[_Core]:
+    """What has flat sides or straight edges, without its radius."""
+    if body.shapes:
+        return [s.core for s in _solids_of(body) if s.core is not None and s.kind != "ellipsoid"]
+    return [core for _, cores in _shapes_of(body) for core in cores]
+
+
 def check_shapes(a: Body, b: Body | Fixed) -> None:
     """Refuses pairs whose distance is not smooth, or that have none."""
     for body in (a, b):
@@ -56,21 +63,17 @@ def check_shapes(a: Body, b: Body | Fixed) -> None:
     if isinstance(b, Fixed):
         return
     bent = [any(s.squares is not None for s in body._spots) for body in (a, b)]
-    sided = [any(cores for _, cores in _shapes_of(body)) for body in (a, b)]
+    cores = [_cores_of(body) for body in (a, b)]
     other = "Name the pairs that may touch, without this one"
-    if len(a._spots[0].at) == 3 and any(bent) and any(sided):
-        raise UnsupportedError(
-            f"{a.name} ({a.shape}) and {b.name} ({b.shape}): in space boxes and capsules touch all shapes but ellipsoids. {other}"
-        )
     if all(s.radius == 0.0 and s.squares is None for s in a._spots + b._spots):
-        if any(sided):
+        if any(cores):
             raise UnsupportedError(
                 f"{a.name} ({a.shape}) and {b.name} ({b.shape}) have sharp corners, whose distance has no direction where they touch: "
                 f"give one of them a rounding, box(..., rounding=0.01), or a radius. {other}"
             )
         raise UnsupportedError(f"{a.name} and {b.name} are points: they do not touch. {other}")
-    for body, round_, core in ((a, bent[0], b), (b, bent[1], a)):
-        if round_ and any(c.radius == 0.0 for _, cores in _shapes_of(core) for c in cores):
+    for body, round_, core, own in ((a, bent[0], b, cores[1]), (b, bent[1], a, cores[0])):
+        if round_ and any(c.radius == 0.0 for c in own):
             raise UnsupportedError(
                 f"{core.name} ({core.shape}) has sharp corners, whose distance from {body.name} has no direction where they touch: "
                 f"give it a rounding or a radius. {other}"

@@ -32,6 +32,19 @@ def _round(shape: Shape) -> Array:
     return numpy.stack(corners, axis=2).reshape(-1, 4, 3)
 
 
+def _cylinder(shape: Shape) -> Array:
+    """Quadrilaterals of a cylinder with its rounding, [faces, corners, 3]."""
+    half, radius, edge = 0.5 * shape.size[0], shape.size[1], shape.radius
+    bend = numpy.linspace(0.0, 0.5 * numpy.pi, 4 if edge else 1)
+    x = numpy.concatenate([[half], half - edge + edge * numpy.cos(bend)])
+    r = numpy.concatenate([[0.0], radius - edge + edge * numpy.sin(bend)])
+    x, r = numpy.concatenate([x, -x[::-1]]), numpy.concatenate([r, r[::-1]])
+    a = numpy.linspace(0.0, 2.0 * numpy.pi, _ROUND + 1)
+    points = numpy.stack([x[:, None] * numpy.ones_like(a), numpy.outer(r, numpy.cos(a)), numpy.outer(r, numpy.sin(a))], axis=-1)
+    corners = [points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]]
+    return numpy.stack(corners, axis=2).reshape(-1, 4, 3)
+
+
 def _faces(shape: Shape) -> Array:
     """Faces of a shape in the axes of its body, [faces, corners, 3]."""
     if shape.kind == "box":
@@ -46,7 +59,7 @@ def _faces(shape: Shape) -> Array:
     elif shape.kind == "point":
         return numpy.zeros((0, 4, 3))
     else:
-        faces = _round(shape)
+        faces = _cylinder(shape) if shape.kind == "cylinder" else _round(shape)
     return faces @ numpy.array(shape.turn).T + numpy.array(shape.at)
 
 

@@ -35,8 +35,8 @@ class _Placed:
 
 
 class World:
-    """Rigid bodies with contacts: discs, ellipses, superellipses, boxes, rods, capsules and points in the plane; spheres, boxes, capsules, ellipsoids,
-    points and links of several shapes in space, with joints; and planes that they do not pass. It writes the expressions of a
+    """Rigid bodies with contacts: discs, ellipses, superellipses, boxes, rods, capsules and points in the plane; spheres, boxes, capsules, cylinders,
+    ellipsoids, points and links of several shapes in space, with joints; and planes that they do not pass. It writes the expressions of a
     `Scene`, which is there as `scene`.
 
         w = swb.World(e=0.8)
@@ -90,11 +90,11 @@ class World:
         """A world in space with a robot that an URDF describes: a path, or the text.
 
         floating   the first link moves freely and is placed by its centre of mass; else its frame is that of the world
-        ignore     what to leave out of what is not taken, by name: "mesh", "cylinder", "mimic", "transmission", ...
+        ignore     what to leave out of what is not taken, by name: "mesh", "mimic", "transmission", ...
         keywords   those of `World`: friction, restitution, gravity, controls
 
-        Links are bodies about their centres of mass, in the axes of the links. Spheres, boxes and capsules as collision shapes
-        touch planes of the world; contacts of links with each other are named (`contacts`). Limits are stops without
+        Links are bodies about their centres of mass, in the axes of the links. Spheres, boxes, capsules and cylinders as collision
+        shapes touch planes of the world; contacts of links with each other are named (`contacts`). Limits are stops without
         restitution, damping and friction are those of the file, a joint that mimics is a constraint. A joint with the name of a
         link is called "NAME joint". Bounds of effort and speed bound what drives a joint, and nothing does here. Errors:
         `UnsupportedError` for anything else, by name, `RangeError` for numbers and trees that are none.
@@ -108,7 +108,7 @@ class World:
         """A world in space with the bodies of a model of MuJoCo: a path, or the text. MuJoCo reads it (`pip install mujoco`).
 
         `ignore` and `keywords` as in `from_urdf`; gravity is that of the model unless it is given. Bodies with a free joint are
-        placed as the model has them. Planes, spheres, boxes, capsules and ellipsoids are taken, hinges, slides and balls, also
+        placed as the model has them. Planes, spheres, boxes, capsules, cylinders and ellipsoids are taken, hinges, slides and balls, also
         several of one body, with limits, damping, armature, springs and friction loss. Friction and restitution of contacts
         are `mu` and `e` of the world: those of the model belong to its soft contacts.
         """
@@ -131,7 +131,7 @@ class World:
 
     def _add(self, shape: str, name: str | None, mass: Any, inertia: Any, own: float, **sizes: Any) -> Body:
         if self.space:
-            there = "spheres, boxes, capsules, ellipsoids, points, links and planes"
+            there = "spheres, boxes, capsules, cylinders, ellipsoids, points, links and planes"
             raise UnsupportedError(f"this world is in space: it has {there}, not {shape}s")
         name = self._name(name, shape)
         m = positive(mass, f"the mass of {name}")
@@ -270,6 +270,29 @@ class World:
         own = (middle * j_middle + ends * j_ends) / (middle + ends)
         return self._add("capsule", name, mass, inertia, own, radius=r, size=(n, 0.0), turns=True)
 
+    def cylinder(
+        self,
+        length: float,
+        radius: float,
+        mass: float,
+        inertia: Any = None,
+        name: str | None = None,
+        *,
+        centre: Any = (0.0, 0.0, 0.0),
+        rounding: float = 0.0,
+    ) -> Body:
+        """Add a cylinder in space, along x where it is not turned. Without `inertia` it is homogeneous. `centre`: see `box`.
+
+        `rounding` is the radius of its rims, within its length and radius: less than half of the length, and than the radius.
+        With sharp rims it touches planes, and bodies that have a radius or a rounding.
+        """
+        n, r = positive(length, "the length of a cylinder"), positive(radius, "the radius of a cylinder")
+        edge = number(rounding, "the rounding of a cylinder")
+        shape = Shape("cylinder", (n, r), edge, place_of(centre, "centre"))
+        across = 0.25 * r * r + n * n / 12.0
+        own = 0.5 * r * r, across, across
+        return self._add_in_space("cylinder", name, mass, inertia, own, [shape], radius=edge, size=(n, r), turns=True)
+
     def point(self, mass: float, name: str | None = None) -> Body:
         """Add a point, which does not turn by itself."""
         if self.space:
@@ -390,8 +413,9 @@ class World:
         never said has contacts of all pairs.
 
         All shapes touch planes. In the plane discs, ellipses, boxes, rods and capsules touch each other where there are no sharp
-        corners on both sides: give boxes a rounding. In space it is the same, but ellipsoids do not touch boxes and
-        capsules. A box or capsule has a contact for each corner or end of one body with the other, and in space for each two edges.
+        corners on both sides: give boxes a rounding. In space it is the same. A box or capsule has a contact for each corner or end of
+        one body with the other, and in space for each two edges. Ellipsoids have one contact with whatever they touch, and
+        cylinders some with all but balls.
         Bodies that joints connect are no pairs unless they are named.
         """
         mu, e = (self.mu if mu is None else mu), (self.e if e is None else e)

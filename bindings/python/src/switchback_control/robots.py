@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from .bodies import World
 
 # What may be left out, and so is never left out without being asked for.
-_URDF_PARTS = ("calibration", "contact", "cylinder", "damping", "friction", "gazebo", "limit", "mesh", "mimic",
+_URDF_PARTS = ("calibration", "contact", "damping", "friction", "gazebo", "limit", "mesh", "mimic",
                "safety_controller", "self_collision_checking", "self_filter", "sensor", "transmission")  # fmt: skip
-_MJCF_PARTS = ("actuator", "armature", "cylinder", "damping", "equality", "frictionloss", "gravcomp", "hfield", "limit", "mesh",
+_MJCF_PARTS = ("actuator", "armature", "damping", "equality", "frictionloss", "gravcomp", "hfield", "limit", "mesh",
                "sdf", "stiffness", "tendon")  # fmt: skip
 
 
@@ -126,14 +126,16 @@ def _urdf_shape(collision: Any, what: str, centre: numpy.ndarray, ignore: set[st
         return [Shape("sphere", (), _number(shape, "radius", None, what), **place)]
     if shape.tag == "box":
         return [Shape("box", tuple(_numbers(shape, "size", 3, "", what).tolist()), **place)]
-    if shape.tag == "capsule":
+    if shape.tag in ("capsule", "cylinder"):
         # along z in files, along x here
         place["turn"] = turn @ numpy.array(sp.of_angles(0.0, -0.5 * math.pi, 0.0))
-        return [Shape("capsule", (_number(shape, "length", None, what),), _number(shape, "radius", None, what), **place)]
+        length, radius = (_number(shape, key, None, what) for key in ("length", "radius"))
+        size, edge = ((length,), radius) if shape.tag == "capsule" else ((length, radius), 0.0)
+        return [Shape(shape.tag, size, edge, **place)]
     if shape.tag in ignore:
         return []
-    if shape.tag in ("mesh", "cylinder"):
-        raise _refuse(what, shape.tag, "as a collision shape is not taken, only spheres, boxes and capsules are")
+    if shape.tag == "mesh":
+        raise _refuse(what, shape.tag, "as a collision shape is not taken, only spheres, boxes, capsules and cylinders are")
     raise UnsupportedError(f"{what}: the shape '{shape.tag}' is not known")
 
 
@@ -291,12 +293,13 @@ def _mjcf_shape(m: Any, g: int, centre: numpy.ndarray, what: str, ignore: set[st
         return [Shape("ellipsoid", tuple(size.tolist()), **place)]
     if kind == "box":
         return [Shape("box", tuple((2.0 * size).tolist()), **place)]
-    if kind == "capsule":
+    if kind in ("capsule", "cylinder"):
         place["turn"] = turn @ numpy.array(sp.of_angles(0.0, -0.5 * math.pi, 0.0))
-        return [Shape("capsule", (2.0 * float(size[1]),), float(size[0]), **place)]
+        radius, length = float(size[0]), 2.0 * float(size[1])
+        return [Shape(kind, (length,), radius, **place) if kind == "capsule" else Shape(kind, (length, radius), **place)]
     if kind in ignore:
         return []
-    raise _refuse(what, kind, "as a collision shape is not taken, only planes, spheres, boxes, capsules and ellipsoids are")
+    raise _refuse(what, kind, "as a collision shape is not taken, only planes, spheres, boxes, capsules, cylinders and ellipsoids are")
 
 
 def _mjcf_check(m: Any, mujoco: Any, ignore: set[str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy
@@ -83,10 +83,10 @@ def inertia_of(given: Any, name: str) -> Any:
 class Shape:
     """A shape in space, fixed to a body.
 
-    kind     "point", "sphere", "box", "capsule", "ellipsoid"
+    kind     "point", "sphere", "box", "capsule", "cylinder", "ellipsoid"
     size     full width, depth and height of a box; length of a capsule between the centres of its ends, along its x axis;
-             semi-axes of an ellipsoid
-    radius   of spheres and capsules, and of the edges and corners of a box, else 0
+             length of a cylinder along its x axis and its radius; semi-axes of an ellipsoid
+    radius   of spheres and capsules, of the edges and corners of a box, and of the rims of a cylinder, else 0
     at       its centre, from the centre of mass, in the axes of the body
     turn     its rotation against the body: a quaternion (w, x, y, z), three angles about fixed axes x, y, z, or a matrix
     """
@@ -98,7 +98,7 @@ class Shape:
     turn: Any = None
 
     def __post_init__(self) -> None:
-        sizes = {"point": 0, "sphere": 0, "box": 3, "capsule": 1, "ellipsoid": 3}
+        sizes = {"point": 0, "sphere": 0, "box": 3, "capsule": 1, "cylinder": 2, "ellipsoid": 3}
         if self.kind not in sizes:
             raise UnsupportedError(f"a shape is one of {', '.join(sizes)}, not {self.kind!r:.40}")
         n = sizes[self.kind]
@@ -107,10 +107,12 @@ class Shape:
         round_ = self.kind in ("sphere", "capsule")
         if self.kind == "box" and not 0.0 <= 2.0 * radius < min(size):
             raise RangeError(f"a box of size {self.size} has edges of radius {self.radius}: it must be less than half of its least width")
+        if self.kind == "cylinder" and not 0.0 <= 2.0 * radius < min(size[0], 2.0 * size[1]):
+            raise RangeError(f"a cylinder of size {self.size} has rims of radius {self.radius}: it must be less than half of its length, and its radius")
         if not numpy.all((size > 0.0) & numpy.isfinite(size)) or (round_ and not 0.0 < radius < numpy.inf):
             raise RangeError(f"a {self.kind} has size {self.size} and radius {self.radius}: they must be positive")
         object.__setattr__(self, "size", tuple(size.tolist()))
-        object.__setattr__(self, "radius", radius if round_ or self.kind == "box" else 0.0)
+        object.__setattr__(self, "radius", radius if round_ or self.kind in ("box", "cylinder") else 0.0)
         object.__setattr__(self, "at", tuple(vector(self.at, 3, f"place of a {self.kind}").tolist()))
         object.__setattr__(self, "turn", rotation(self.turn, f"turn of a {self.kind}"))
 
@@ -118,9 +120,9 @@ class Shape:
     def _spots(self) -> list[_Spot]:
         turn = sp.constants(self.turn)
 
-        def spot(name: str, place: list[float], semi: Any = None) -> _Spot:
+        def spot(name: str, place: list[float], semi: Any = None, rim: _Rim | None = None) -> _Spot:
             at = sp.constants(numpy.array(self.at) + numpy.array(turn) @ place)
-            return _Spot(name, tuple(at), self.radius, semi)
+            return _Spot(name, tuple(at), self.radius, semi, rim=rim)
 
         if self.kind == "box":
             a, b, c = (0.5 * s - self.radius for s in self.size)
@@ -128,6 +130,15 @@ class Shape:
             return [spot(f"{i} {j} {k}", [x, y, z]) for i, z in words[0] for j, y in words[1] for k, x in words[2]]
         if self.kind == "capsule":
             return [spot("left", [-0.5 * self.size[0], 0.0, 0.0]), spot("right", [0.5 * self.size[0], 0.0, 0.0])]
+        if self.kind == "cylinder":
+            half, radius = 0.5 * self.size[0] - self.radius, self.size[1] - self.radius
+            out = []
+            for word, sign in (("left", -1.0), ("right", 1.0)):
+                axis = tuple(sign * row[0] for row in turn)
+                out.append(spot(f"{word} rim", [sign * (half - _THIN * radius), 0.0, 0.0], rim=_Rim(axis, radius)))
+                for name, y, z in (("front", -1.0, 0.0), ("back", 1.0, 0.0), ("lower", 0.0, -1.0), ("upper", 0.0, 1.0)):
+                    out.append(spot(f"{word} {name}", [sign * half, y * _INSIDE * radius, z * _INSIDE * radius]))
+            return out
         if self.kind == "ellipsoid":
             squares = numpy.array(turn) @ numpy.diag(numpy.square(self.size)) @ numpy.array(turn).T
             return [spot("", [0.0, 0.0, 0.0], sp.constants(0.5 * (squares + squares.T)))]
@@ -135,9 +146,14 @@ class Shape:
 
     @property
     def _half(self) -> tuple[float, ...] | None:
-        """Half widths of a box or capsule without its radius; none of round shapes."""
+        """Half widths of a box, capsule, cylinder or ellipsoid without its radius; none of balls and points."""
         if self.kind == "box":
             return tuple(0.5 * s - self.radius for s in self.size)
+        if self.kind == "cylinder":
+            across = self.size[1] - self.radius
+            return 0.5 * self.size[0] - self.radius, across, across
+        if self.kind == "ellipsoid":
+            return self.size
         return (0.5 * self.size[0], 0.0, 0.0) if self.kind == "capsule" else None
 
 
@@ -189,6 +205,28 @@ class _Power:
         return numpy.stack(self.farthest(d)[0], axis=-1)
 
 
+# No finite set of smooth gaps is that of a disc and a plane. This one is: the deepest point of the rim, of a disc that is an ellipsoid as thin as rounding
+# lets it be, and four points that hold the disc where it is flat. They are inside of the rim, so that a cylinder that rolls does not graze them.
+_THIN = 1e-8  # thickness of the ellipsoid, as a share of its radius; it is inside of the cylinder
+_INSIDE = 0.95  # place of the four points, as a share of the radius
+
+
+@dataclass(frozen=True)
+class _Rim:
+    """The end of a cylinder with its outward axis, as an ellipsoid with semi-axes of the radius and of nearly nothing."""
+
+    axis: tuple[float, ...]
+    radius: float
+
+    def farthest(self, d: Any) -> tuple[list[Any], Any]:
+        """The point that is farthest in a direction, and how far that is."""
+        along = sp.dot(list(d), list(self.axis))
+        across = sp.subtract(list(d), sp.scale(along, list(self.axis)))
+        root = numpy.sqrt(sp.dot(across, across) + _THIN * _THIN * along * along)
+        place = sp.add(across, sp.scale(_THIN * _THIN * along, list(self.axis)))
+        return sp.scale(self.radius / root, place), self.radius * root
+
+
 @dataclass(frozen=True)
 class _Spot:
     """What can touch a plane: a point of a body with its radius, or a centre with the matrix of squared semi-axes of an ellipsoid."""
@@ -198,16 +236,17 @@ class _Spot:
     radius: float
     squares: Any = None
     power: _Power | None = None
+    rim: _Rim | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
     """A body that moves, as `World.disc` and its like return it.
 
-    name, shape    "disc", "ellipse", "superellipse", "box", "rod", "capsule", "point" in the plane; "sphere", "box", "capsule", "ellipsoid", "point"
-                   or "link" (of any shapes) in space
+    name, shape    "disc", "ellipse", "superellipse", "box", "rod", "capsule", "point" in the plane; "sphere", "box", "capsule", "cylinder", "ellipsoid",
+                   "point" or "link" (of any shapes) in space
     mass, inertia  inertia about the centre of mass; in space three rows in the axes of the body, or one number for all axes
-    radius         of discs, spheres and capsules, and of the corners of a box, else 0
+    radius         of discs, spheres and capsules, of the corners of a box, and of the rims of a cylinder, else 0
     power          exponent and flatness of a superellipse
     size           width and height of a box, semi-axes of an ellipse, length of a rod or between the ends of a capsule, and 0; in
                    space that of `Shape`
@@ -235,7 +274,7 @@ class Body:
             found = [(n, s) for n, shape in enumerate(self.shapes, 1) for s in shape._spots]
             if len(self.shapes) == 1:
                 return [s for _, s in found]
-            return [_Spot(f"{n} {s.name}".strip(), s.at, s.radius, s.squares) for n, s in found]
+            return [replace(s, name=f"{n} {s.name}".strip()) for n, s in found]
         if self.shape == "link":
             return []
         if self.shape in ("ellipse", "superellipse"):
