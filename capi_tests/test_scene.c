@@ -441,6 +441,8 @@ static void joints(void)
     CHECK_STATUS(SWB_ERR_NULL, swb_scene_add_friction(scene, graph, NULL, x[0], c[0], -1, &index));
     CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_stiction(scene, graph, 0, c[1]));
     CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_stiction(scene, graph, 7, c[1]));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_separation(scene, graph, 7, c[1]));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_separation(scene, graph, 0, 1000));
     CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_stiction(scene, graph, 0, 1000));
     CHECK_STATUS(SWB_ERR_STATE, swb_scene_add_constraint(scene, graph, "guide", x[0], &index));
     CHECK_STATUS(SWB_ERR_RANGE, swb_scene_add_constraint(scene, graph, "rod", 1000, &index));

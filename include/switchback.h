@@ -6306,6 +6306,21 @@ swb_status swb_scene_set_stiction(struct swb_scene *scene,
                                   int64_t stiction);
 
 /**
+ * Give a lower bound of the gap of a contact. Contacts with the same expression are not looked at while it is positive, as those of two bodies
+ * that are far apart: for scenes with very many contacts. Nothing checks that the gap is not less; a contact may be missed where it is.
+ *
+ * @param[in] graph      the graph of the expressions
+ * @param[in] contact    its number
+ * @param[in] separation expression of coordinates, parameters and time: of two bodies the distance of spheres around them
+ * @return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions or no contact
+ */
+SWB_API
+swb_status swb_scene_set_separation(struct swb_scene *scene,
+                                    const struct swb_expr *graph,
+                                    int64_t contact,
+                                    int64_t separation);
+
+/**
  * Add dry friction at a joint: a force opposite to a sliding velocity, with a bound that is given. It is counted among the
  * contacts, and in results its force stands at the first tangent, behind a zero in the place of the normal force.
  *

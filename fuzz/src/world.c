@@ -337,6 +337,7 @@ static void joints(swb_scene *scene, swb_expr *graph, const int64_t *x, const in
     swb_integrator *it = NULL;
     swb_run *run = NULL;
     DO(swb_scene_set_stiction, scene, graph, 0, c[3]);
+    DO(swb_scene_set_separation, scene, graph, 0, c[2]);
     DO(swb_scene_add_friction, scene, graph, "guide", x[0], c[2], c[3], NULL);
     DO(swb_scene_add_constraint, scene, graph, "level", x[3], NULL);
     DO(swb_scene_set_state_rates, scene, graph, NULL, 0);

@@ -8,7 +8,9 @@ use super::parts::{Bound, SavedFunction};
 use crate::error::{Error, Result};
 use crate::func::Function;
 use crate::memory::sizes::check as sizes;
-use crate::system::{Contact, ImpactLaw, Inertia, Kind, Local, Mechanics, Order, Projection, SharedFunction};
+use crate::system::{
+    Contact, ImpactLaw, Inertia, Kind, Local, Mechanics, Order, Projection, Separation, SharedFunction,
+};
 
 /// What [`Mechanics`] has; functions are written once, and stand by their numbers.
 #[derive(Clone, Serialize, Deserialize)]
@@ -25,6 +27,9 @@ pub(super) struct SavedMechanics {
     smooth: usize,
     #[serde(default, skip_serializing_if = "SavedInertia::is_identity")]
     inertia: SavedInertia,
+    /// Lower bounds of gaps.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    separations: Vec<SavedSeparation>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     contacts: Vec<SavedContact>,
     /// Pairs of switches whose weights are multiplied.
@@ -100,7 +105,17 @@ struct SavedLocal {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     others: Vec<usize>,
     gap: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    separation: Option<usize>,
     rows: usize,
+}
+
+/// A lower bound of gaps.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedSeparation {
+    coordinates: Vec<usize>,
+    distance: usize,
 }
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -146,13 +161,19 @@ impl SavedMechanics {
             }
         };
         let mut contacts = Vec::with_capacity(m.contacts.len());
-        for c in &m.contacts {
+        let (groups, bounds) = Separation::groups(m.contacts.iter().map(|c| c.local.as_ref()));
+        let mut separations = Vec::with_capacity(bounds.len());
+        for s in bounds {
+            separations.push(SavedSeparation { coordinates: s.coordinates.clone(), distance: w.number(&s.distance)? });
+        }
+        for (c, separation) in m.contacts.iter().zip(groups) {
             let local = match &c.local {
                 Some(l) => Some(SavedLocal {
                     coordinates: l.coordinates.clone(),
                     velocities: l.velocities.clone(),
                     others: l.others.clone(),
                     gap: w.number(&l.gap)?,
+                    separation,
                     rows: w.number(&l.rows)?,
                 }),
                 None => None,
@@ -189,6 +210,7 @@ impl SavedMechanics {
             others: m.n_z,
             smooth,
             inertia,
+            separations,
             contacts,
             products: m.products.clone(),
             sequential: m.law == ImpactLaw::Sequential,
@@ -205,6 +227,10 @@ impl SavedMechanics {
             let n = functions.len();
             functions.get(k).cloned().ok_or_else(|| Error::Range(format!("function {k} of a scene: there are {n}")))
         };
+        let bound = |s: &SavedSeparation| -> Result<Arc<Separation>> {
+            Ok(Arc::new(Separation { coordinates: s.coordinates.clone(), distance: function(s.distance)? }))
+        };
+        let bounds = self.separations.iter().map(bound).collect::<Result<Vec<Arc<Separation>>>>()?;
         let contact = |c: &SavedContact| -> Result<Contact> {
             let local = match &c.local {
                 Some(l) => Some(Local {
@@ -212,6 +238,12 @@ impl SavedMechanics {
                     velocities: l.velocities.clone(),
                     others: l.others.clone(),
                     gap: function(l.gap)?,
+                    separation: match l.separation {
+                        Some(k) => Some(bounds.get(k).cloned().ok_or_else(|| {
+                            Error::Range(format!("lower bound {k} of the gap of {}: there are {}", c.name, bounds.len()))
+                        })?),
+                        None => None,
+                    },
                     rows: function(l.rows)?,
                 }),
                 None => None,

@@ -191,8 +191,8 @@ SWB_CODE_UNUSED static int swb_code_least(int n, swb_code_part cost, swb_code_pa
     double last = -1.0, scale = 0.0;
     int k, j, i, code;
     for (k = 0; k < MOST_STEPS; k++) {
-        double f0 = 0.0, size, slope = 0.0, t = 1.0;
-        int shifted, certain, stays, moved = 0;
+        double f0 = 0.0, size, slope = 0.0, t = 1.0, rounding;
+        int shifted, certain, stays, defined = 1;
         code = swb_code_finite(cost(0.0, w, 0, z, &f0), 1, &f0);
         if (code == 0)
             code = swb_code_finite(gradient(0.0, w, 0, z, g), n, g);
@@ -206,7 +206,8 @@ SWB_CODE_UNUSED static int swb_code_least(int n, swb_code_part cost, swb_code_pa
             scale = swb_code_largest(n, w);
         for (i = 0; i < n; i++)
             slope += step[i] * g[i];
-        certain = fabs(slope) > ROUNDING * (fabs(f0) + swb_code_largest(n * n, h) * scale * scale);
+        rounding = ROUNDING * (fabs(f0) + swb_code_largest(n * n, h) * scale * scale);
+        certain = fabs(slope) > rounding;
         stays = last >= 0.0 && size >= 0.5 * last;
         if (!shifted && (size <= LAST_STEP * swb_code_largest(n, w) || (stays && size <= ROUNDED_STEP * scale))) {
             for (i = 0; i < n; i++)
@@ -225,15 +226,14 @@ SWB_CODE_UNUSED static int swb_code_least(int n, swb_code_part cost, swb_code_pa
                 return code;
             if (code == 0 && (!certain || v <= f0 + ARMIJO * t * slope))
                 break;
+            defined &= code == 0;
             t *= 0.5;
         }
         if (j == MOST_HALVINGS)
             return 1;
-        for (i = 0; i < n; i++) {
-            moved |= w[i] != trial[i];
+        for (i = 0; i < n; i++)
             w[i] = trial[i];
-        }
-        if (!moved)
+        if (certain && defined && t * fabs(slope) <= rounding)
             return 0;
     }
     return 1;

@@ -194,7 +194,8 @@ impl Implicit {
             scale = largest(w).max(scale);
             let slope: f64 = a.step.iter().zip(&*a.residual).map(|(d, g)| d * g).sum();
             // terms may cancel: they are as large as the curvature makes them over the unknowns
-            let certain = slope.abs() > ROUNDING * (f0.abs() + largest(a.matrix) * scale * scale);
+            let rounding = ROUNDING * (f0.abs() + largest(a.matrix) * scale * scale);
+            let certain = slope.abs() > rounding;
             let stays = size >= 0.5 * last;
             if !shifted && (size <= LAST_STEP * largest(w) || stays && size <= ROUNDED_STEP * scale) {
                 w.iter_mut().zip(&*a.step).for_each(|(w, d)| *w += d);
@@ -206,8 +207,9 @@ impl Implicit {
             }
             last = if shifted { f64::INFINITY } else { size };
             let good = |t: f64, now: EvalResult, v: f64| now.is_ok() && (!certain || v <= f0 + ARMIJO * t * slope);
-            // where second derivatives jump, as those of tables do, a step may end just before: then no number is nearer
-            if !search(w, a, |trial, a| value(f, trial, z, a.work), good)? {
+            // where second derivatives jump, as those of tables do, steps end just before, and no place shows that it is better
+            let (t, defined) = search(w, a, |trial, a| value(f, trial, z, a.work), good)?;
+            if certain && defined && t * slope.abs() <= rounding {
                 return Ok(());
             }
         }
@@ -248,14 +250,14 @@ impl Implicit {
     }
 }
 
-/// Goes along the step, as far as it is good. Does that move anything?
+/// Goes along the step, as far as it is good: by which share of it, and was the merit defined wherever it was asked for?
 fn search(
     w: &mut [f64],
     a: &mut Arrays,
     mut merit: impl FnMut(&[f64], &mut Arrays) -> std::result::Result<f64, EvalError>,
     good: impl Fn(f64, EvalResult, f64) -> bool,
-) -> std::result::Result<bool, EvalError> {
-    let mut t = 1.0;
+) -> std::result::Result<(f64, bool), EvalError> {
+    let (mut t, mut defined) = (1.0, true);
     let trial = std::mem::take(&mut a.trial);
     let mut found = Err(EvalError::Recoverable);
     for _ in 0..MOST_HALVINGS {
@@ -271,10 +273,11 @@ fn search(
             }
         };
         if good(t, result, v) {
-            found = Ok(*w != *trial);
+            found = Ok((t, defined));
             w.copy_from_slice(trial);
             break;
         }
+        defined &= result.is_ok();
         t *= 0.5;
     }
     a.trial = trial;

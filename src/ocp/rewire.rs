@@ -90,6 +90,8 @@ impl Rewire {
         let widened = Rewire::widen(from, to);
         Local {
             coordinates: l.coordinates.iter().map(|i| i + self.first).collect(),
+            // it has other coordinates here, and is of use with very many contacts alone
+            separation: None,
             gap: widened.function(&l.gap),
             rows: widened.function(&l.rows),
             ..l.clone()

@@ -46,13 +46,13 @@ pub use saved::SavedScene;
 
 use self::shape::{Excerpt, Flaw, Frame, Parts, Places, Shape};
 use crate::error::{Error, Result};
-use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id};
+use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id, SavedGraph};
 use crate::func::Dims;
 use crate::memory::sizes;
 use crate::model::bounds::{Bounds, Interval, ALL};
 use crate::model::{is_state, transition, Clock, Names, Pwm, Transition};
 use crate::system::Projection;
-use crate::system::{self, ImpactLaw, Inertia, Kind, Mechanics, Order, SharedFunction, System};
+use crate::system::{self, ImpactLaw, Inertia, Kind, Mechanics, Order, Separation, SharedFunction, System};
 
 /// A contact as the user states it.
 #[derive(Debug, Clone)]
@@ -126,10 +126,18 @@ impl Constraint {
 /// What stands among the contacts of a scene.
 #[derive(Debug, Clone)]
 enum Part {
-    /// A contact, with the coefficient of friction for sticking if that is another.
-    Contact(Contact, Option<Id>),
+    Contact(Contact, More),
     Friction(Friction),
     Constraint(Constraint),
+}
+
+/// What a contact may have besides.
+#[derive(Debug, Clone, Copy, Default)]
+struct More {
+    /// The coefficient of friction for sticking if that is another.
+    stiction: Option<Id>,
+    /// A lower bound of the gap.
+    separation: Option<Id>,
 }
 
 impl Part {
@@ -374,7 +382,7 @@ impl Scene {
         }
         self.check_name(name)?;
         self.by_gap.insert(c.gap, k);
-        Ok(self.add(Part::Contact(c, None)))
+        Ok(self.add(Part::Contact(c, More::default())))
     }
 
     /// Sets the coefficient of friction by which a contact sticks, where it is larger than that by which it slides: an expression of
@@ -384,11 +392,29 @@ impl Scene {
     /// [`Error::Range`] for an index that is not that of a contact with tangents.
     pub fn set_stiction(&mut self, contact: usize, stiction: Id) -> Result<()> {
         match self.contacts.get_mut(contact) {
-            Some(Part::Contact(c, own)) if !c.tangents.is_empty() => {
-                *own = Some(stiction);
+            Some(Part::Contact(c, more)) if !c.tangents.is_empty() => {
+                more.stiction = Some(stiction);
                 Ok(())
             }
             Some(part) => Err(Error::Range(format!("{} is no contact with tangents: it cannot stick", part.name()))),
+            None => {
+                Err(Error::Range(format!("contact {contact} does not exist: the scene has {}", self.contacts.len())))
+            }
+        }
+    }
+
+    /// Gives a lower bound of the gap of a contact, an expression of coordinates, parameters and time, as of two bodies the distance of spheres
+    /// around them. Contacts with the same expression are not looked at while it is positive. Nothing checks that the gap is not less.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for an index that is not that of a contact.
+    pub fn set_separation(&mut self, contact: usize, separation: Id) -> Result<()> {
+        match self.contacts.get_mut(contact) {
+            Some(Part::Contact(_, more)) => {
+                more.separation = Some(separation);
+                Ok(())
+            }
+            Some(part) => Err(Error::Range(format!("{} is no contact: it has no gap", part.name()))),
             None => {
                 Err(Error::Range(format!("contact {contact} does not exist: the scene has {}", self.contacts.len())))
             }
@@ -485,7 +511,7 @@ impl Scene {
     /// velocities or controls, or not on coordinates, or something is not linear where it has to be,
     /// [`Error::Unsupported`] for operators that switch elsewhere than in forces and rates of further states, and those of [`ExprFunction::new`].
     pub fn build_in(&self, dag: &mut Dag) -> Result<Built> {
-        Builder { scene: self, dag, alike: BTreeMap::new() }.build()
+        Builder::new(self, dag).build()
     }
 }
 
@@ -495,6 +521,15 @@ struct Builder<'a> {
     dag: &'a mut Dag,
     /// Functions of what contacts touch, by their expressions: bodies alike share them.
     alike: BTreeMap<String, Arc<Shape>>,
+    /// Lower bounds of gaps, and their functions by expressions.
+    separations: BTreeMap<Id, Arc<Separation>>,
+    distances: BTreeMap<String, SharedFunction>,
+}
+
+impl<'a> Builder<'a> {
+    fn new(scene: &'a Scene, dag: &'a mut Dag) -> Builder<'a> {
+        Builder { scene, dag, alike: BTreeMap::new(), separations: BTreeMap::new(), distances: BTreeMap::new() }
+    }
 }
 
 impl Builder<'_> {
@@ -752,7 +787,13 @@ impl Builder<'_> {
             restitution: zero,
         };
         let stated = match &s.contacts[k] {
-            Part::Contact(c, stiction) => return self.unilateral(c, *stiction, rates),
+            Part::Contact(c, more) => {
+                let mut made = self.unilateral(c, more.stiction, rates)?;
+                if let (Some(id), Some(l)) = (more.separation, &mut made.local) {
+                    l.separation = Some(self.separation(&c.name, id)?);
+                }
+                return Ok(made);
+            }
             Part::Friction(f) => {
                 self.check_friction(f)?;
                 let contact = Contact { tangents: vec![f.sliding], friction: f.bound, ..alone(&f.name, zero) };
@@ -855,6 +896,46 @@ impl Builder<'_> {
         let contact = Contact { tangents: tangents.to_vec(), ..c.clone() };
         let stiction = stiction.filter(|_| !frictionless);
         self.shaped(&Stated { contact, kind: Kind::Unilateral, stiction }, rates)
+    }
+
+    /// A lower bound of the gaps of contacts that have this expression.
+    fn separation(&mut self, name: &str, id: Id) -> Result<Arc<Separation>> {
+        if let Some(s) = self.separations.get(&id) {
+            return Ok(s.clone());
+        }
+        let what = format!("the lower bound of the gap of contact {name}");
+        self.check_smooth(&what, id)?;
+        if self.sees_motion(id) {
+            return Err(Error::Range(format!(
+                "{what}, {}, depends on velocities or controls: it may depend on coordinates, parameters and time",
+                self.text(id)
+            )));
+        }
+        let inputs = self.dag.reachable(&[id]).into_iter().filter_map(|n| match self.dag.node(n) {
+            crate::expr::Node::Input(Block::X, i) => Some(i as usize),
+            _ => None,
+        });
+        let mut coordinates: Vec<usize> = inputs.collect();
+        coordinates.sort_unstable();
+        let place = |block: Block, i: usize| match block {
+            Block::X => coordinates.binary_search(&i).unwrap_or(i),
+            _ => i,
+        };
+        let dims = Dims { x: coordinates.len(), ..self.scene.dims() };
+        let key = SavedGraph::new(self.dag, &[id]).map(|g| format!("{:?}", g.renumbered(&place)));
+        let known = key.as_ref().ok().and_then(|k| self.distances.get(k).cloned());
+        let distance = match known {
+            Some(f) => f,
+            None => {
+                let outputs = self.dag.renumber(&[id], &place);
+                let f: SharedFunction = Arc::new(ExprFunction::first_order("lower bound of gaps", self.dag, dims, &outputs)?);
+                key.into_iter().for_each(|k| drop(self.distances.insert(k, f.clone())));
+                f
+            }
+        };
+        let made = Arc::new(Separation { coordinates, distance });
+        self.separations.insert(id, made.clone());
+        Ok(made)
     }
 
     /// What is wrong with a contact, in words.

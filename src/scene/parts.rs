@@ -74,7 +74,7 @@ impl Scene {
         let built = self.build_in(dag)?.system;
         built.check_without_transitions("time-freezing")?;
         built.mechanics().map_or(Ok(()), |m| m.check_plain("time-freezing"))?;
-        let mut b = Builder { scene: self, dag, alike: std::collections::BTreeMap::new() };
+        let mut b = Builder::new(self, dag);
         let (rates, force) = (b.rates()?, b.force()?);
         let (_, kept) = b.reachable()?;
         let mut contacts = Vec::new();

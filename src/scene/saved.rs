@@ -66,6 +66,8 @@ enum SavedPart {
         restitution: usize,
         #[serde(default, skip_serializing_if = "Option::is_none")]
         stiction: Option<usize>,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        separation: Option<usize>,
     },
     Friction {
         name: String,
@@ -111,13 +113,14 @@ impl Roots {
 
     fn part(&mut self, part: &Part) -> SavedPart {
         match part {
-            Part::Contact(c, stiction) => SavedPart::Contact {
+            Part::Contact(c, more) => SavedPart::Contact {
                 name: c.name.clone(),
                 gap: self.number(c.gap),
                 tangents: self.all(&c.tangents),
                 friction: self.number(c.friction),
                 restitution: self.number(c.restitution),
-                stiction: stiction.map(|id| self.number(id)),
+                stiction: more.stiction.map(|id| self.number(id)),
+                separation: more.separation.map(|id| self.number(id)),
             },
             Part::Friction(f) => SavedPart::Friction {
                 name: f.name.clone(),
@@ -222,7 +225,7 @@ impl SavedScene {
         }
         for part in &self.contacts {
             match part {
-                SavedPart::Contact { name, gap, tangents, friction, restitution, stiction } => {
+                SavedPart::Contact { name, gap, tangents, friction, restitution, stiction, separation } => {
                     let k = s.add_contact(Contact {
                         name: name.clone(),
                         gap: root(*gap)?,
@@ -232,6 +235,9 @@ impl SavedScene {
                     })?;
                     if let Some(id) = maybe(*stiction)? {
                         s.set_stiction(k, id)?;
+                    }
+                    if let Some(id) = maybe(*separation)? {
+                        s.set_separation(k, id)?;
                     }
                 }
                 SavedPart::Friction { name, sliding, bound, stiction } => {

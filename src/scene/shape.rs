@@ -145,7 +145,7 @@ impl Frame<'_> {
         let rows = self.function(&format!("normal and tangents of {name} and contacts alike"), dims, &rows)?;
         let coordinates = touched.iter().copied().filter(|i| *i < n_q).collect();
         let others = touched.iter().filter_map(|i| i.checked_sub(n_q + n_v)).collect();
-        Ok(Local { coordinates, velocities, others, gap, rows })
+        Ok(Local { coordinates, velocities, others, gap, separation: None, rows })
     }
 }
 

@@ -133,7 +133,7 @@ impl Builder<'_> {
     pub(super) fn build_switching(self, rates: &[Id], all: Switching) -> Result<Built> {
         let stated = self.scene;
         let wide = stated.widened(self.dag);
-        let mut b = Builder { scene: &wide, dag: self.dag, alike: self.alike };
+        let mut b = Builder { alike: self.alike, ..Builder::new(&wide, self.dag) };
         let (dims, n) = (wide.dims(), all.switches.len());
         let mut smooth = rates.to_vec();
         smooth.extend_from_slice(&all.rhs);

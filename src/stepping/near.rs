@@ -6,13 +6,15 @@
 //! by interval arithmetic that rounds outwards ([`crate::func::Function::bounds`]): if it is positive over the box of `k`
 //! steps (and over the time they take) the contact is left alone for `k` steps. In every step each coordinate is compared with
 //! its budget; where it has moved further the budget is raised and all contacts of the coordinate are looked at at once.
+//! Contacts that share a lower bound of their gaps ([`crate::system::Separation`]), as those of two bodies share the distance of spheres
+//! around them, are asked together first: while that bound is positive over a box none of their own gaps is evaluated.
 //! So no contact is missed, whatever the bodies do, and what a step costs grows with the coordinates and with the contacts
 //! that are near, not with all contacts. Gaps that nothing is known of (callbacks) are looked at in every step.
 
 use std::sync::Arc;
 
-use crate::func::{EvalError, EvalResult, Point};
-use crate::system::Local;
+use crate::func::{EvalError, EvalResult, Function, Point};
+use crate::system::{Local, Separation};
 
 /// Steps until a contact is looked at again are less than this.
 const WHEEL: usize = 1024;
@@ -69,10 +71,19 @@ pub(super) struct Place<'a> {
     pub(super) p: &'a [f64],
 }
 
+/// Contacts with one lower bound of their gaps.
+struct Group {
+    bound: Arc<Separation>,
+    /// All of them are open in this step and before.
+    until: u64,
+    /// Step in which it was asked last.
+    asked: u64,
+    closing: f64,
+}
+
 /// The queue.
 pub(super) struct Near {
     contacts: Arc<[Local]>,
-    coordinates: Lists,
     touching: Lists,
     /// Step in which a contact is due; its neighbours in the list of that step.
     due: Vec<u64>,
@@ -82,6 +93,9 @@ pub(super) struct Near {
     wheel: Vec<u32>,
     /// How much of the gap a step takes at most, as far as it is known: a guess that says which box to try.
     closing: Vec<f64>,
+    groups: Vec<Group>,
+    /// The group of a contact.
+    group: Vec<Option<usize>>,
     budget: Vec<f64>,
     /// Largest motion since budgets were last looked at.
     most: Vec<f64>,
@@ -107,12 +121,16 @@ pub(super) struct Near {
 impl Near {
     pub(super) fn new(contacts: &Arc<[Local]>, closed: Vec<bool>, n_q: usize, look_at_all: bool) -> Near {
         let n = contacts.len();
-        let coordinates = Lists::new(contacts.iter().map(|c| c.coordinates.as_slice()));
-        let states = contacts.iter().map(|c| c.gap.dims().x).max().unwrap_or(0);
-        let work = contacts.iter().map(|c| 2 * c.gap.work_len()).max().unwrap_or(0);
+        let (group, bounds) = Separation::groups(contacts.iter().map(Some));
+        let touched: Vec<Vec<usize>> = contacts.iter().map(Local::touched).collect();
+        let functions = || contacts.iter().map(|c| &c.gap).chain(bounds.iter().map(|b| &b.distance));
+        let states = functions().map(|f| f.dims().x).max().unwrap_or(0);
+        let work = functions().map(|f| 2 * f.work_len()).max().unwrap_or(0);
+        let groups = bounds.into_iter().map(|bound| Group { bound, until: 0, asked: 0, closing: 0.0 }).collect();
         Near {
-            touching: coordinates.transposed(n_q),
-            coordinates,
+            groups,
+            group,
+            touching: Lists::new(touched.iter().map(Vec::as_slice)).transposed(n_q),
             due: vec![0; n],
             next: vec![NONE; n],
             before: vec![NONE; n],
@@ -153,6 +171,9 @@ impl Near {
         if std::mem::take(&mut self.fresh) {
             self.wheel.fill(NONE);
             self.closing.fill(0.0);
+            for g in &mut self.groups {
+                (g.until, g.asked, g.closing) = (0, 0, 0.0);
+            }
             self.most.fill(0.0);
             self.last.copy_from_slice(at.q);
             self.list.extend(0..self.due.len());
@@ -183,6 +204,9 @@ impl Near {
                 let (first, end) = (self.touching.start[j], self.touching.start[j + 1]);
                 for k in first..end {
                     let c = self.touching.items[k];
+                    if let Some(g) = self.group[c] {
+                        self.groups[g].until = 0;
+                    }
                     if self.due[c] != self.step {
                         self.unlink(c);
                         self.link(c, self.step);
@@ -219,6 +243,10 @@ impl Near {
     }
 
     fn look_at(&mut self, at: &Place, h: f64, c: usize) -> EvalResult {
+        if let Some(until) = self.group[c].and_then(|g| self.open_until(at, h, g)) {
+            self.link(c, until + 1);
+            return Ok(());
+        }
         let gap = self.gap(at, c)?;
         self.looked += 1;
         let rest = if gap <= 0.0 || self.closed[c] {
@@ -246,28 +274,65 @@ impl Near {
 
     /// For how many steps a contact with this gap stays open for certain.
     fn open_steps(&mut self, at: &Place, h: f64, c: usize, gap: f64) -> usize {
+        let contacts = self.contacts.clone();
+        let l = &contacts[c];
+        let mut closing = self.closing[c];
+        let steps = self.positive_steps(at, h, (&*l.gap, &l.coordinates), gap, &mut closing);
+        self.closing[c] = closing;
+        steps
+    }
+
+    /// The last step for which a group stays open for certain; none where it may close now.
+    fn open_until(&mut self, at: &Place, h: f64, g: usize) -> Option<u64> {
+        let group = &mut self.groups[g];
+        if group.until >= self.step {
+            return Some(group.until);
+        }
+        if std::mem::replace(&mut group.asked, self.step) == self.step || self.look_at_all {
+            return None;
+        }
+        let (bound, mut closing) = (group.bound.clone(), group.closing);
+        let f = (&*bound.distance, bound.coordinates.as_slice());
+        self.bounded += 1;
+        let now = self.least(at, h, f, 0).filter(|low| *low > 0.0)?;
+        let steps = self.positive_steps(at, h, f, now, &mut closing);
+        let group = &mut self.groups[g];
+        group.closing = closing;
+        group.until = self.step + steps as u64;
+        Some(group.until)
+    }
+
+    /// For how many steps a function of these coordinates with this value stays positive for certain. `closing` is how much of it a step takes.
+    fn positive_steps(
+        &mut self,
+        at: &Place,
+        h: f64,
+        f: (&dyn Function, &[usize]),
+        value: f64,
+        closing: &mut f64,
+    ) -> usize {
         let most = WHEEL - 2;
-        let guess = |gap: f64, closing: f64, share: f64| ((share * gap / closing) as usize).min(most);
+        let guess = |closing: f64, share: f64| ((share * value / closing) as usize).min(most);
         // nothing is known yet, or nothing moves: a quotient of no number is taken as zero steps
-        let mut k = if self.closing[c] == 0.0 { most } else { guess(gap, self.closing[c], 0.9) };
+        let mut k = if *closing == 0.0 { most } else { guess(*closing, 0.9) };
         if k < 2 {
             // near: what was known of its closing may be out of date some time
-            self.closing[c] *= 0.97;
+            *closing *= 0.97;
             return 0;
         }
         for _ in 0..TRIES {
             self.bounded += 1;
-            let Some(low) = self.least_gap(at, h, c, k) else {
-                self.closing[c] = f64::INFINITY;
+            let Some(low) = self.least(at, h, f, k) else {
+                *closing = f64::INFINITY;
                 return 0;
             };
             if low.is_finite() {
-                self.closing[c] = (gap - low).max(0.0) / k as f64;
+                *closing = (value - low).max(0.0) / k as f64;
             }
             if low > 0.0 {
                 return k;
             }
-            let better = if low.is_finite() { guess(gap, self.closing[c], 0.8) } else { k / 8 };
+            let better = if low.is_finite() { guess(*closing, 0.8) } else { k / 8 };
             k = better.min(k / 2);
             if k == 0 {
                 break;
@@ -276,14 +341,13 @@ impl Near {
         0
     }
 
-    /// Lower bound of the gap in the next `k` steps.
-    fn least_gap(&mut self, at: &Place, h: f64, c: usize, k: usize) -> Option<f64> {
-        let l = &self.contacts[c];
-        let n = l.gap.dims().x;
+    /// Lower bound of a function of coordinates in the next `k` steps.
+    fn least(&mut self, at: &Place, h: f64, (f, coordinates): (&dyn Function, &[usize]), k: usize) -> Option<f64> {
+        let n = f.dims().x;
         let (low, high) = (&mut self.low[..n], &mut self.high[..n]);
         low.fill(0.0);
         high.fill(0.0);
-        for (i, &j) in self.coordinates.of(c).iter().enumerate() {
+        for (i, &j) in coordinates.iter().enumerate() {
             let reach = self.budget[j] * k as f64 * INFLATE;
             (low[i], high[i]) = ((at.q[j] - reach).next_down(), (at.q[j] + reach).next_up());
         }
@@ -291,7 +355,7 @@ impl Near {
         let (mut a, mut b) = ([0.0], [0.0]);
         let from = Point { t: at.t, x: low, u: at.u, p: at.p };
         let to = Point { t: end.next_up(), x: high, ..from };
-        l.gap.bounds(&from, &to, &mut a, &mut b, &mut self.work).then_some(a[0])
+        f.bounds(&from, &to, &mut a, &mut b, &mut self.work).then_some(a[0])
     }
 }
 

@@ -16,6 +16,7 @@
 //! else.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::{Inclusion, SetValued, SharedFunction, System};
@@ -80,12 +81,49 @@ pub struct Local {
     pub others: Vec<usize>,
     /// The gap, one output. With [`crate::func::Function::bounds`] it is known how long the contact stays open.
     pub gap: SharedFunction,
+    /// What the gap is never less than, together with those of other contacts that have it too.
+    pub separation: Option<Arc<Separation>>,
     /// [`Local::rows_len`] outputs: the rate of the gap, `μ`, `e`, the entries of `n` of the velocities listed, then for
     /// every tangent `s` and the entries of its column of `B`.
     pub rows: SharedFunction,
 }
 
+/// A lower bound of the gaps of several contacts, as of two bodies the distance of spheres around them. Where it is positive all of them are open.
+#[derive(Clone)]
+pub struct Separation {
+    /// Coordinates that occur, increasing. They are the states of the function.
+    pub coordinates: Vec<usize>,
+    /// The bound, one output; controls, parameters and time are those of the system.
+    pub distance: SharedFunction,
+}
+
+impl Separation {
+    /// Groups of contacts with the same bound: the group of each contact, and the bounds.
+    pub fn groups<'a>(contacts: impl Iterator<Item = Option<&'a Local>>) -> (Vec<Option<usize>>, Vec<Arc<Separation>>) {
+        let mut known = BTreeMap::new();
+        let mut all = Vec::new();
+        let group = |l: &Local, all: &mut Vec<Arc<Separation>>, known: &mut BTreeMap<usize, usize>| {
+            let s = l.separation.as_ref()?;
+            Some(*known.entry(Arc::as_ptr(s) as usize).or_insert_with(|| {
+                all.push(s.clone());
+                all.len() - 1
+            }))
+        };
+        let of = contacts.map(|l| l.and_then(|l| group(l, &mut all, &mut known))).collect();
+        (of, all)
+    }
+}
+
 impl Local {
+    /// Coordinates of the gap and of its lower bound, increasing.
+    pub fn touched(&self) -> Vec<usize> {
+        let mut all = self.coordinates.clone();
+        all.extend(self.separation.iter().flat_map(|s| &s.coordinates));
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
     /// Outputs of [`Local::rows`], without the one for sticking.
     pub fn rows_len(n_velocities: usize, n_tangents: usize) -> usize {
         3 + n_velocities + n_tangents * (1 + n_velocities)
@@ -240,6 +278,10 @@ impl Mechanics {
             _ => false,
         };
         let contact = |c: &Contact| {
+            let bound = |l: &'_ Local| l.separation.as_ref().is_some_and(|s| is(&s.distance));
+            if c.local.as_ref().is_some_and(bound) {
+                return true;
+            }
             let local = c.local.iter().flat_map(|l| [&l.gap, &l.rows]);
             [&c.gap, &c.motion, &c.reaction].into_iter().chain(local).any(is)
         };
@@ -365,6 +407,17 @@ impl Mechanics {
             if list.iter().any(|&i| i >= n) || list.windows(2).any(|w| w[0] >= w[1]) {
                 return Err(Error::Range(format!(
                     "contact {name}: the {what} it touches are {list:?}: they must increase, and there are {n}"
+                )));
+            }
+        }
+        if let Some(s) = &l.separation {
+            let (d, n) = (Dims { x: s.coordinates.len(), ..own }, s.distance.n_out());
+            let known = s.coordinates.iter().all(|&i| i < self.n_q) && s.coordinates.windows(2).all(|w| w[0] < w[1]);
+            if !known || s.distance.dims() != d || n != 1 {
+                return Err(Error::Dimension(format!(
+                    "contact {name}: the lower bound of its gap is one output of the coordinates {:?}, which must increase; it                      has {n} of inputs {:?}",
+                    s.coordinates,
+                    s.distance.dims()
                 )));
             }
         }

@@ -31,7 +31,7 @@ use crate::memory::sizes;
 pub(crate) use algebraic::{Algebraic, Guess};
 pub use choice::Choice;
 pub(crate) use complementary::with_zeros;
-pub use contact::{Contact, ImpactLaw, Inertia, Kind, Local, Mechanics, Order, Projection};
+pub use contact::{Contact, ImpactLaw, Inertia, Kind, Local, Mechanics, Order, Projection, Separation};
 pub(crate) use eliminated::Elimination;
 pub(crate) use linear::{combination, input, Linear};
 pub use on_demand::{OnDemand, Signed};

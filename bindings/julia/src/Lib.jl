@@ -2322,6 +2322,7 @@ const NAMES = [
     :swb_scene_set_state_rates,
     :swb_scene_add_contact,
     :swb_scene_set_stiction,
+    :swb_scene_set_separation,
     :swb_scene_add_friction,
     :swb_scene_add_constraint,
     :swb_scene_set_bounds,
@@ -4624,6 +4625,21 @@ swb_scene_set_stiction(scene, graph, contact, stiction) =
     ccall(address(158), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Int64), scene, graph, contact, stiction)
 
 """
+    swb_scene_set_separation(scene, graph, contact, separation) -> swb_status
+
+Give a lower bound of the gap of a contact. Contacts with the same expression are not looked at while it is positive, as those of two bodies
+that are far apart: for scenes with very many contacts. Nothing checks that the gap is not less; a contact may be missed where it is.
+
+@param[in] graph      the graph of the expressions
+@param[in] contact    its number
+@param[in] separation expression of coordinates, parameters and time: of two bodies the distance of spheres around them
+@return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions or no contact
+"""
+swb_scene_set_separation(scene, graph, contact, separation) =
+    ccall(address(159), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Int64), scene, graph, contact,
+        separation)
+
+"""
     swb_scene_add_friction(scene, graph, name, sliding, bound, stiction, index) -> swb_status
 
 Add dry friction at a joint: a force opposite to a sliding velocity, with a bound that is given. It is counted among the
@@ -4640,7 +4656,7 @@ contacts, and in results its force stands at the first tangent, behind a zero in
         SWB_ERR_UNSUPPORTED for projected systems
 """
 swb_scene_add_friction(scene, graph, name, sliding, bound, stiction, index) =
-    ccall(address(159), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}),
+    ccall(address(160), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}),
         scene, graph, name, sliding, bound, stiction, index)
 
 """
@@ -4656,7 +4672,7 @@ It is counted among the contacts.
 @return as swb_scene_add_friction
 """
 swb_scene_add_constraint(scene, graph, name, zero, index) =
-    ccall(address(160), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}), scene, graph, name,
+    ccall(address(161), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}), scene, graph, name,
         zero, index)
 
 """
@@ -4671,7 +4687,7 @@ proof in the report. A simulation that leaves the bounds ends with an error if s
 @return SWB_OK; SWB_ERR_RANGE if there is no such coordinate, or a bound is NaN, or no number is between the bounds
 """
 swb_scene_set_bounds(scene, coordinate, low, high) =
-    ccall(address(161), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
+    ccall(address(162), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
 
 """
     swb_scene_set_impact_law(scene, law) -> swb_status
@@ -4681,7 +4697,7 @@ Set what happens where several contacts close at once.
 @param[in] law enum swb_impact_law
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_scene_set_impact_law(scene, law) = ccall(address(162), swb_status, (Ptr{swb_scene}, Int32), scene, law)
+swb_scene_set_impact_law(scene, law) = ccall(address(163), swb_status, (Ptr{swb_scene}, Int32), scene, law)
 
 """
     swb_scene_build(scene, graph) -> swb_status
@@ -4692,7 +4708,7 @@ Build the scene: derivatives, normals, and which contacts cannot close. Any chan
 @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
         with a message that names them
 """
-swb_scene_build(scene, graph) = ccall(address(163), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
+swb_scene_build(scene, graph) = ccall(address(164), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
 
 """
     swb_scene_system(scene, out) -> swb_status
@@ -4702,7 +4718,7 @@ The system of a scene that is built; its states are the coordinates, then the ve
 @param[out] out the new object, NULL on failure; free with swb_system_free
 @return SWB_OK; SWB_ERR_STATE if the scene is not built
 """
-swb_scene_system(scene, out) = ccall(address(164), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
+swb_scene_system(scene, out) = ccall(address(165), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
 
 """
     swb_scene_report(scene, json, buf, len, needed) -> swb_status
@@ -4715,7 +4731,7 @@ Report of a scene that is built: contacts with what they cost, and which were le
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE if the scene is not built
 """
 swb_scene_report(scene, json, buf, len, needed) =
-    ccall(address(165), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
+    ccall(address(166), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
         needed)
 
 """
@@ -4723,7 +4739,7 @@ swb_scene_report(scene, json, buf, len, needed) =
 
 Free; systems made of the scene stay. NULL is allowed.
 """
-swb_scene_free(scene) = ccall(address(166), Cvoid, (Ptr{swb_scene},), scene)
+swb_scene_free(scene) = ccall(address(167), Cvoid, (Ptr{swb_scene},), scene)
 
 """
     swb_run_impacts(run, impacts, n, struct_size) -> swb_status
@@ -4735,7 +4751,7 @@ The impacts of a run in the order they happened; their number is n_impacts of sw
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_impacts(run, impacts, n, struct_size) =
-    ccall(address(167), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
+    ccall(address(168), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
 
 """
     swb_run_impact_sensitivity(run, index, dt, n) -> swb_status
@@ -4747,7 +4763,7 @@ Derivatives of the time of an impact with respect to initial states, parameters 
 @return as swb_run_sensitivity
 """
 swb_run_impact_sensitivity(run, index, dt, n) =
-    ccall(address(168), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(169), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_contact_modes(run, t, n_t, modes, n) -> swb_status
@@ -4759,7 +4775,7 @@ Modes of the contacts of a scene at times.
 @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene; SWB_ERR_DIMENSION
 """
 swb_run_contact_modes(run, t, n_t, modes, n) =
-    ccall(address(169), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
+    ccall(address(170), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
 
 """
     swb_run_contact_forces(run, t, n_t, forces, n) -> swb_status
@@ -4774,7 +4790,7 @@ Forces of the contacts of a scene at times: forces, not impulses. Other times th
         outside; SWB_ERR_DIMENSION
 """
 swb_run_contact_forces(run, t, n_t, forces, n) =
-    ccall(address(170), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
+    ccall(address(171), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
         n)
 
 """
@@ -4789,7 +4805,7 @@ swb_scene_set_state_rates. Simulations start where they are told to.
 @return SWB_OK; SWB_ERR_RANGE for a value that is not finite
 """
 swb_scene_add_discrete(scene, name, initial, state) =
-    ccall(address(171), swb_status, (Ptr{swb_scene}, Cstring, Cdouble, Ptr{Int64}), scene, name, initial, state)
+    ccall(address(172), swb_status, (Ptr{swb_scene}, Cstring, Cdouble, Ptr{Int64}), scene, name, initial, state)
 
 """
     swb_scene_add_event(scene, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) -> swb_status
@@ -4818,7 +4834,7 @@ that it leaves, and states of a projected system outside of their set end the ru
 swb_scene_add_event(scene, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
     n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values,
     index) =
-    ccall(address(172), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
+    ccall(address(173), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
         Int64, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Int64}), scene, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
         n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values,
@@ -4843,7 +4859,7 @@ to begin with the number of times before it as the count.
 """
 swb_scene_add_clock(scene, graph, period, offset, count, reset_states, n_reset_states, resets, n_resets, to_states,
     n_to_states, to_values, n_to_values, index) =
-    ccall(address(173), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
+    ccall(address(174), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), scene, graph, period, offset, count,
         reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
 
@@ -4864,7 +4880,7 @@ Add a clock with a list of times to a scene: a transition for each.
 """
 swb_scene_add_times(scene, graph, times, n_times, count, reset_states, n_reset_states, resets, n_resets, to_states,
     n_to_states, to_values, n_to_values, index) =
-    ccall(address(174), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
+    ccall(address(175), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), scene, graph, times, n_times, count,
         reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
 
@@ -4884,7 +4900,7 @@ and then 0.
 @return as swb_scene_add_clock; SWB_ERR_RANGE for a number that is not between 0 and 1 as the part
 """
 swb_scene_add_pwm(scene, graph, duty, period, offset, pulse, count, index) =
-    ccall(address(175), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
+    ccall(address(176), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
         Ptr{Int64}), scene, graph, duty, period, offset, pulse, count, index)
 
 """
@@ -4899,7 +4915,7 @@ values (swb_model_set_value_names) are given behind this.
         if such a state has a derivative
 """
 swb_model_set_discrete(model, initial, n) =
-    ccall(address(176), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(177), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_set_value_names(model, discrete, names) -> swb_status
@@ -4911,7 +4927,7 @@ Name the values 0, 1, ... of a discrete state: the states of an automaton. Repor
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state; SWB_ERR_RANGE for names that are empty or repeat
 """
 swb_model_set_value_names(model, discrete, names) =
-    ccall(address(177), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
+    ccall(address(178), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
 
 """
     swb_model_get_value_names(model, discrete, buf, len, needed) -> swb_status
@@ -4924,7 +4940,7 @@ Names of the values of a discrete state, as swb_model_set_value_names takes them
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state, or the buffer is too short
 """
 swb_model_get_value_names(model, discrete, buf, len, needed) =
-    ccall(address(178), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
+    ccall(address(179), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
         len, needed)
 
 """
@@ -4946,7 +4962,7 @@ Add a transition to a model, and thereby to all systems made of it later; see sw
 """
 swb_model_add_transition(model, graph, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(179), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(180), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model,
         graph, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states,
         n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
@@ -4974,7 +4990,7 @@ Add a transition with a name, an effect and a trigger to a model; the rest is th
 swb_model_add_event(model, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
     n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values,
     index) =
-    ccall(address(180), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
+    ccall(address(181), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cstring, Int32, Int32, Int64, Int32, Ptr{Int64},
         Int64, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Int64}), model, graph, name, effect, trigger, guard, direction, from_states, n_from_states, from_values,
         n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values,
@@ -4999,7 +5015,7 @@ are. A run that begins later begins with the number of times before it as the co
 """
 swb_model_add_clock(model, graph, period, offset, count, reset_states, n_reset_states, resets, n_resets, to_states,
     n_to_states, to_values, n_to_values, index) =
-    ccall(address(181), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
+    ccall(address(182), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Cdouble, Cdouble, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model, graph, period, offset, count,
         reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
 
@@ -5020,7 +5036,7 @@ Add a clock with a list of times to a model: a transition for each.
 """
 swb_model_add_times(model, graph, times, n_times, count, reset_states, n_reset_states, resets, n_resets, to_states,
     n_to_states, to_values, n_to_values, index) =
-    ccall(address(182), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
+    ccall(address(183), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model, graph, times, n_times, count,
         reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
 
@@ -5039,7 +5055,7 @@ Add pulse-width modulation to a model: a discrete state is 1 from the times offs
 @return as swb_model_add_clock; SWB_ERR_RANGE for a number that is not between 0 and 1 as the part
 """
 swb_model_add_pwm(model, graph, duty, period, offset, pulse, count, index) =
-    ccall(address(183), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
+    ccall(address(184), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Cdouble, Cdouble, Int64, Int64,
         Ptr{Int64}), model, graph, duty, period, offset, pulse, count, index)
 
 """
@@ -5055,7 +5071,7 @@ Effect, trigger and name of a transition of a model.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition, or the buffer is too short
 """
 swb_model_get_rule(model, index, effect, trigger, buf, len, needed) =
-    ccall(address(184), swb_status, (Ptr{swb_model}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{UInt8}, Int64, Ptr{Int64}),
+    ccall(address(185), swb_status, (Ptr{swb_model}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{UInt8}, Int64, Ptr{Int64}),
         model, index, effect, trigger, buf, len, needed)
 
 """
@@ -5066,7 +5082,7 @@ Numbers of discrete states and of transitions of a model. Any output may be NULL
 @return SWB_OK
 """
 swb_model_transition_counts(model, n_discrete, n_transitions) =
-    ccall(address(185), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
+    ccall(address(186), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
 
 """
     swb_model_get_discrete(model, initial, n) -> swb_status
@@ -5077,7 +5093,7 @@ Values with which the discrete states, the last ones, begin.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_model_get_discrete(model, initial, n) =
-    ccall(address(186), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(187), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_transition_sizes(model, index, n_from, n_reset, n_to) -> swb_status
@@ -5091,7 +5107,7 @@ How long the lists of a transition of a model are. Any output may be NULL.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition
 """
 swb_model_transition_sizes(model, index, n_from, n_reset, n_to) =
-    ccall(address(187), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
+    ccall(address(188), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
         n_from, n_reset, n_to)
 
 """
@@ -5113,7 +5129,7 @@ those of the graph it was made of or read into.
 """
 swb_model_get_transition(model, index, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values) =
-    ccall(address(188), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(189), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64), model, index, guard,
         direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets,
         n_resets, to_states, n_to_states, to_values, n_to_values)
@@ -5129,7 +5145,7 @@ Create an integrator. Time, state, controls and parameters are zero until they a
 @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_create(system, settings, out) =
-    ccall(address(189), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
+    ccall(address(190), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
         settings, out)
 
 """
@@ -5142,7 +5158,7 @@ taken over. Controls, parameters and stop times stay.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite, or tolerances are too small
 """
 swb_integrator_reinit(integrator, t, x, nx) =
-    ccall(address(190), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
+    ccall(address(191), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
 
 """
     swb_integrator_set_controls(integrator, u, nu) -> swb_status
@@ -5153,7 +5169,7 @@ Set the controls, constant from now on. The active modes are found anew.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_integrator_set_controls(integrator, u, nu) =
-    ccall(address(191), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
+    ccall(address(192), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
 
 """
     swb_integrator_set_params(integrator, p, np) -> swb_status
@@ -5164,7 +5180,7 @@ Set the parameters. The active modes are found anew.
 @return as swb_integrator_set_controls
 """
 swb_integrator_set_params(integrator, p, np) =
-    ccall(address(192), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
+    ccall(address(193), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
 
 """
     swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) -> swb_status
@@ -5178,7 +5194,7 @@ next swb_integrator_reinit, or at once before the first step.
         small
 """
 swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) =
-    ccall(address(193), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
+    ccall(address(194), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
         rtol, n_rtol, atol, n_atol)
 
 """
@@ -5190,7 +5206,7 @@ Set times at which steps end, for functions of time that are not smooth there an
 @return SWB_OK; SWB_ERR_RANGE if a time is not finite
 """
 swb_integrator_set_stop_times(integrator, t, n) =
-    ccall(address(194), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
+    ccall(address(195), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
 
 """
     swb_integrator_set_preferred(integrator, subsystem, modes, n) -> swb_status
@@ -5203,7 +5219,7 @@ ambiguity = prefer. Taken over by the next swb_integrator_reinit, or at once bef
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such subsystem; SWB_ERR_RANGE if there is no such mode
 """
 swb_integrator_set_preferred(integrator, subsystem, modes, n) =
-    ccall(address(195), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
+    ccall(address(196), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
         n)
 
 """
@@ -5215,7 +5231,7 @@ Set who decides where the continuation is not unique, before the option ambiguit
 @return SWB_OK
 """
 swb_integrator_set_decider(integrator, decide, user_data) =
-    ccall(address(196), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
+    ccall(address(197), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
 
 """
     swb_integrator_step(integrator, t_stop, kind) -> swb_status
@@ -5227,7 +5243,7 @@ Do one step, not beyond t_stop nor a stop time.
         negative code; SWB_ERR_STATE after a call that failed so, until swb_integrator_reinit
 """
 swb_integrator_step(integrator, t_stop, kind) =
-    ccall(address(197), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
+    ccall(address(198), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
 
 """
     swb_integrator_advance(integrator, t, outcome) -> swb_status
@@ -5238,7 +5254,7 @@ Integrate to the time t, exactly. Time and state are those at the end, or where 
 @return as swb_integrator_step
 """
 swb_integrator_advance(integrator, t, outcome) =
-    ccall(address(198), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
+    ccall(address(199), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
 
 """
     swb_integrator_sample(integrator, t, n, x, n_x, outcome) -> swb_status
@@ -5253,7 +5269,7 @@ them, and the dense output of the run need not be kept. At a switch the state be
 @return as swb_integrator_step; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a time is not finite or the times do not increase
 """
 swb_integrator_sample(integrator, t, n, x, n_x, outcome) =
-    ccall(address(199), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}),
+    ccall(address(200), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}),
         integrator, t, n, x, n_x, outcome)
 
 """
@@ -5266,7 +5282,7 @@ Derivatives of the dense output with respect to time at a time in the last step.
 @return SWB_OK; SWB_ERR_RANGE if t is outside of the last step or k is negative; SWB_ERR_STATE before the first step
 """
 swb_integrator_get_dky(integrator, t, k, dky, nx) =
-    ccall(address(200), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
+    ccall(address(201), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
         dky, nx)
 
 """
@@ -5277,7 +5293,7 @@ Time reached.
 @return SWB_OK
 """
 swb_integrator_get_time(integrator, t) =
-    ccall(address(201), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
+    ccall(address(202), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
 
 """
     swb_integrator_get_state(integrator, x, nx) -> swb_status
@@ -5288,7 +5304,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_state(integrator, x, nx) =
-    ccall(address(202), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
+    ccall(address(203), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
 
 """
     swb_integrator_get_derivative(integrator, f, nx) -> swb_status
@@ -5299,7 +5315,7 @@ Derivative of the state with respect to time under the present active modes; 0 b
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_derivative(integrator, f, nx) =
-    ccall(address(203), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
+    ccall(address(204), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
 
 """
     swb_integrator_get_active(integrator, subsystem, active, n) -> swb_status
@@ -5311,7 +5327,7 @@ Active modes of a subsystem: one alone, or several in a sliding mode; none befor
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_active(integrator, subsystem, active, n) =
-    ccall(address(204), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
+    ccall(address(205), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
         n)
 
 """
@@ -5323,7 +5339,7 @@ How the simulation stands.
 @return SWB_OK
 """
 swb_integrator_get_outcome(integrator, outcome) =
-    ccall(address(205), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
+    ccall(address(206), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
 
 """
     swb_integrator_get_reason(integrator, buf, len, needed) -> swb_status
@@ -5335,7 +5351,7 @@ Why the simulation ended early, in words; if it did not, what is not known to th
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_integrator_get_reason(integrator, buf, len, needed) =
-    ccall(address(206), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
+    ccall(address(207), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
         needed)
 
 """
@@ -5348,7 +5364,7 @@ Work since the last swb_integrator_reinit.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_stats(integrator, stats, struct_size) =
-    ccall(address(207), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
+    ccall(address(208), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
         struct_size)
 
 """
@@ -5360,7 +5376,7 @@ A copy of the result since the last swb_integrator_reinit: switches, derivatives
 @return SWB_OK
 """
 swb_integrator_get_run(integrator, out) =
-    ccall(address(208), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
+    ccall(address(209), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
 
 """
     swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu) -> swb_status
@@ -5383,7 +5399,7 @@ the option adjoint.
 """
 swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du,
     nu) =
-    ccall(address(209), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
+    ccall(address(210), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64), integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu)
 
@@ -5405,7 +5421,7 @@ gradient of its own. Needs the option adjoint; the derivative has about half of 
         has implicit steps, contacts, zeros of higher order, or transitions that follow another event at the same time; SWB_ERR_INTERRUPTED
 """
 swb_integrator_adjoint_along(integrator, v, nx, x0, nx0, p, np, u, nu, ddx0, nddx0, ddp, nddp, ddu, nddu, dx, ndx) =
-    ccall(address(210), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
+    ccall(address(211), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64), integrator, v, nx, x0, nx0, p, np, u, nu, ddx0, nddx0, ddp, nddp, ddu, nddu, dx, ndx)
 
@@ -5418,7 +5434,7 @@ integration are taken over by the next swb_integrator_reinit, or at once before 
 @return as swb_settings_set_int
 """
 swb_integrator_set_int(integrator, name, value) =
-    ccall(address(211), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
+    ccall(address(212), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
 
 """
     swb_integrator_set_double(integrator, name, value) -> swb_status
@@ -5428,7 +5444,7 @@ Set a float option of an integrator by name, as swb_integrator_set_int.
 @return as swb_settings_set_double
 """
 swb_integrator_set_double(integrator, name, value) =
-    ccall(address(212), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
+    ccall(address(213), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
 
 """
     swb_integrator_set_string(integrator, name, value) -> swb_status
@@ -5438,7 +5454,7 @@ Set any option of an integrator by name from text, as swb_integrator_set_int.
 @return as swb_settings_set_string
 """
 swb_integrator_set_string(integrator, name, value) =
-    ccall(address(213), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
+    ccall(address(214), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
 
 """
     swb_integrator_set_settings(integrator, settings) -> swb_status
@@ -5449,7 +5465,7 @@ Set all options of an integrator, as swb_integrator_set_int.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_set_settings(integrator, settings) =
-    ccall(address(214), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
+    ccall(address(215), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
 
 """
     swb_integrator_get_settings(integrator, settings, struct_size) -> swb_status
@@ -5461,7 +5477,7 @@ Options of an integrator, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_settings(integrator, settings, struct_size) =
-    ccall(address(215), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
+    ccall(address(216), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
         struct_size)
 
 """
@@ -5473,7 +5489,7 @@ Set who is called once per accepted step; NULL for nobody.
 @return SWB_OK
 """
 swb_integrator_set_progress(integrator, progress, user_data) =
-    ccall(address(216), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
+    ccall(address(217), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
 
 """
     swb_integrator_set_poll(integrator, poll, user_data) -> swb_status
@@ -5485,7 +5501,7 @@ code runs: swb_integrator_set_progress calls at every step, which for a small sy
 @return SWB_OK
 """
 swb_integrator_set_poll(integrator, poll, user_data) =
-    ccall(address(217), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, poll, user_data)
+    ccall(address(218), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, poll, user_data)
 
 """
     swb_integrator_set_log(integrator, log, user_data) -> swb_status
@@ -5497,7 +5513,7 @@ for each switch at level debug, one for each step at level trace.
 @return SWB_OK
 """
 swb_integrator_set_log(integrator, log, user_data) =
-    ccall(address(218), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
+    ccall(address(219), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
 
 """
     swb_integrator_interrupt(integrator) -> swb_status
@@ -5508,14 +5524,14 @@ between steps: a call ends within the time of one step, which takes some tens of
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_integrator_interrupt(integrator) = ccall(address(219), swb_status, (Ptr{swb_integrator},), integrator)
+swb_integrator_interrupt(integrator) = ccall(address(220), swb_status, (Ptr{swb_integrator},), integrator)
 
 """
     swb_integrator_free(integrator) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_integrator_free(integrator) = ccall(address(220), Cvoid, (Ptr{swb_integrator},), integrator)
+swb_integrator_free(integrator) = ccall(address(221), Cvoid, (Ptr{swb_integrator},), integrator)
 
 """
     swb_step_options_init(options, struct_size) -> swb_status
@@ -5527,7 +5543,7 @@ Set the defaults of the options of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_step_options_init(options, struct_size) =
-    ccall(address(221), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
+    ccall(address(222), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
 
 """
     swb_stepper_create(system, options, out) -> swb_status
@@ -5541,7 +5557,7 @@ Create a stepper of a scene. It has no state yet; controls and parameters are ze
         option is outside its range; SWB_ERR_NUMERIC if a constant inertia is not positive definite
 """
 swb_stepper_create(system, options, out) =
-    ccall(address(222), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
+    ccall(address(223), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
         options, out)
 
 """
@@ -5555,7 +5571,7 @@ Set time and state (coordinates, then velocities), and forget impulses and stati
         SWB_ERR_NUMERIC if the inertia is not positive definite
 """
 swb_stepper_set_state(stepper, t, x, nx) =
-    ccall(address(223), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
+    ccall(address(224), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
 
 """
     swb_stepper_set_controls(stepper, u, nu) -> swb_status
@@ -5566,7 +5582,7 @@ Set the controls, constant from now on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_stepper_set_controls(stepper, u, nu) =
-    ccall(address(224), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
+    ccall(address(225), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
 
 """
     swb_stepper_set_params(stepper, p, np) -> swb_status
@@ -5577,7 +5593,7 @@ Set the parameters, constant from now on.
 @return as swb_stepper_set_controls
 """
 swb_stepper_set_params(stepper, p, np) =
-    ccall(address(225), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
+    ccall(address(226), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
 
 """
     swb_stepper_step(stepper) -> swb_status
@@ -5589,7 +5605,7 @@ Make one step of the length h of the options.
         end; SWB_ERR_RANGE if friction or restitution is out of range; SWB_ERR_NUMERIC if the inertia is not positive
         definite; SWB_ERR_INTERRUPTED
 """
-swb_stepper_step(stepper) = ccall(address(226), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_step(stepper) = ccall(address(227), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_advance(stepper, t) -> swb_status
@@ -5599,7 +5615,7 @@ Make equal steps, not longer than h, that end at a time.
 @param[in] t not before the time reached
 @return as swb_stepper_step; where it fails, time and state are those of the last step that was made
 """
-swb_stepper_advance(stepper, t) = ccall(address(227), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
+swb_stepper_advance(stepper, t) = ccall(address(228), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
 
 """
     swb_stepper_count(stepper, t, every, n) -> swb_status
@@ -5612,7 +5628,7 @@ How many states swb_stepper_run keeps.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
 """
 swb_stepper_count(stepper, t, every, n) =
-    ccall(address(228), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
+    ccall(address(229), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
 
 """
     swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) -> swb_status
@@ -5628,7 +5644,7 @@ Make equal steps, not longer than h, that end at a time, and keep states.
 @return as swb_stepper_step, and SWB_ERR_DIMENSION
 """
 swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) =
-    ccall(address(229), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(230), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), stepper, t, every, times, n_times, states, n_states, impulses, n_impulses)
 
 """
@@ -5643,7 +5659,7 @@ Sizes of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_stepper_sizes(stepper, nx, nu, np, n_contacts) =
-    ccall(address(230), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
+    ccall(address(231), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
         nu, np, n_contacts)
 
 """
@@ -5653,7 +5669,7 @@ Time reached.
 
 @return SWB_OK
 """
-swb_stepper_get_time(stepper, t) = ccall(address(231), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
+swb_stepper_get_time(stepper, t) = ccall(address(232), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
 
 """
     swb_stepper_get_state(stepper, x, nx) -> swb_status
@@ -5664,7 +5680,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_state(stepper, x, nx) =
-    ccall(address(232), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
+    ccall(address(233), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
 
 """
     swb_stepper_get_impulses(stepper, impulses, n) -> swb_status
@@ -5675,7 +5691,7 @@ Impulses of the last step: impulses, not forces.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_impulses(stepper, impulses, n) =
-    ccall(address(233), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
+    ccall(address(234), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
 
 """
     swb_stepper_get_stats(stepper, stats, struct_size) -> swb_status
@@ -5687,7 +5703,7 @@ Counts of the steps since the state was set, and how they went.
 @return SWB_OK; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_stepper_get_stats(stepper, stats, struct_size) =
-    ccall(address(234), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
+    ccall(address(235), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
 
 """
     swb_stepper_interrupt(stepper) -> swb_status
@@ -5697,14 +5713,14 @@ that step, and the object can be used again.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_stepper_interrupt(stepper) = ccall(address(235), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_interrupt(stepper) = ccall(address(236), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_free(stepper) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_stepper_free(stepper) = ccall(address(236), Cvoid, (Ptr{swb_stepper},), stepper)
+swb_stepper_free(stepper) = ccall(address(237), Cvoid, (Ptr{swb_stepper},), stepper)
 
 """
     swb_batch_create(system, settings, out) -> swb_status
@@ -5718,7 +5734,7 @@ Create a batch.
 @return as swb_integrator_create
 """
 swb_batch_create(system, settings, out) =
-    ccall(address(237), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
+    ccall(address(238), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
         out)
 
 """
@@ -5735,7 +5751,7 @@ are those of single runs to the last bit, whatever the number of threads.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative
 """
 swb_batch_run(batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads) =
-    ccall(address(238), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(239), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64, Int64), batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads)
 
 """
@@ -5745,7 +5761,7 @@ Number of runs of the last swb_batch_run; 0 before.
 
 @return SWB_OK
 """
-swb_batch_size(batch, n_runs) = ccall(address(239), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
+swb_batch_size(batch, n_runs) = ccall(address(240), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
 
 """
     swb_batch_states(batch, x, n) -> swb_status
@@ -5755,7 +5771,7 @@ Final states of all runs.
 @param[out] x [n] n_runs * nx, those of one run together; NaN for runs that failed
 @return SWB_OK; SWB_ERR_DIMENSION
 """
-swb_batch_states(batch, x, n) = ccall(address(240), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
+swb_batch_states(batch, x, n) = ccall(address(241), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
 
 """
     swb_batch_outcomes(batch, outcome, n) -> swb_status
@@ -5766,7 +5782,7 @@ How all runs ended.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_batch_outcomes(batch, outcome, n) =
-    ccall(address(241), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
+    ccall(address(242), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
 
 """
     swb_batch_get_run(batch, index, out) -> swb_status
@@ -5778,7 +5794,7 @@ A copy of the result of one run.
 @return SWB_OK; SWB_ERR_DIMENSION; the status of the run if it failed, with its message
 """
 swb_batch_get_run(batch, index, out) =
-    ccall(address(242), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
+    ccall(address(243), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
 
 """
     swb_batch_interrupt(batch) -> swb_status
@@ -5789,14 +5805,14 @@ finished its step.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_batch_interrupt(batch) = ccall(address(243), swb_status, (Ptr{swb_batch},), batch)
+swb_batch_interrupt(batch) = ccall(address(244), swb_status, (Ptr{swb_batch},), batch)
 
 """
     swb_batch_free(batch) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_batch_free(batch) = ccall(address(244), Cvoid, (Ptr{swb_batch},), batch)
+swb_batch_free(batch) = ccall(address(245), Cvoid, (Ptr{swb_batch},), batch)
 
 """
     swb_mhe_options_init(options, struct_size) -> swb_status
@@ -5808,7 +5824,7 @@ Set the defaults of the options of an estimator.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_mhe_options_init(options, struct_size) =
-    ccall(address(245), swb_status, (Ptr{swb_mhe_options}, UInt64), options, struct_size)
+    ccall(address(246), swb_status, (Ptr{swb_mhe_options}, UInt64), options, struct_size)
 
 """
     swb_mhe_create(ocp, measured, initial, n_initial, process, n_process, measurement, n_measurement, options, out) -> swb_status
@@ -5829,7 +5845,7 @@ is taken here, but what contacts and transitions need. Constant parameters are e
         parameters; SWB_ERR_USER
 """
 swb_mhe_create(ocp, measured, initial, n_initial, process, n_process, measurement, n_measurement, options, out) =
-    ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64, Ptr{swb_mhe_options}, Ptr{Ptr{swb_mhe}}), ocp, measured, initial, n_initial, process,
         n_process, measurement, n_measurement, options, out)
 
@@ -5846,7 +5862,7 @@ Sizes of an estimator.
 @return SWB_OK; SWB_ERR_NULL
 """
 swb_mhe_sizes(c, n, nx, nu, ny, nw) =
-    ccall(address(247), swb_status, (Ptr{swb_mhe}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c,
+    ccall(address(248), swb_status, (Ptr{swb_mhe}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c,
         n, nx, nu, ny, nw)
 
 """
@@ -5861,7 +5877,7 @@ Go to the next sample under a control, and do everything for it that needs no me
         code; SWB_ERR_INTERRUPTED
 """
 swb_mhe_prepare(c, u, nu, info, struct_size) =
-    ccall(address(248), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c, u, nu, info,
+    ccall(address(249), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c, u, nu, info,
         struct_size)
 
 """
@@ -5878,7 +5894,7 @@ SWB_NMPC_SOURCE_PLAN: functions have no value at the estimate.
         swb_mhe_prepare; SWB_ERR_USER; SWB_ERR_INTERRUPTED
 """
 swb_mhe_estimate(c, y, ny, x, nx, info, struct_size) =
-    ccall(address(249), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
+    ccall(address(250), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
         UInt64), c, y, ny, x, nx, info, struct_size)
 
 """
@@ -5889,7 +5905,7 @@ Set the parameters from the next preparation on; samples that were keep theirs.
 @param[in] p [np]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mhe_set_params(c, p, np) = ccall(address(250), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, np)
+swb_mhe_set_params(c, p, np) = ccall(address(251), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, np)
 
 """
     swb_mhe_reset(c, x0, nx) -> swb_status
@@ -5899,7 +5915,7 @@ Back to the start with another mean: nothing was measured.
 @param[in] x0 [nx]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_USER; SWB_ERR_INTERRUPTED
 """
-swb_mhe_reset(c, x0, nx) = ccall(address(251), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, x0, nx)
+swb_mhe_reset(c, x0, nx) = ccall(address(252), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, x0, nx)
 
 """
     swb_mhe_write_c(c, folder, prefix, precision) -> swb_status
@@ -5918,7 +5934,7 @@ estimator is afterwards as after swb_mhe_reset with the initial state.
         SWB_ERR_RANGE for the prefix, the precision, or if a file cannot be written
 """
 swb_mhe_write_c(c, folder, prefix, precision) =
-    ccall(address(252), swb_status, (Ptr{swb_mhe}, Cstring, Cstring, Int64), c, folder, prefix, precision)
+    ccall(address(253), swb_status, (Ptr{swb_mhe}, Cstring, Cstring, Int64), c, folder, prefix, precision)
 
 """
     swb_mhe_get_window(c, x, n_x, w, n_w, filled) -> swb_status
@@ -5931,7 +5947,7 @@ The window: states of its nodes, the last sample at the end, and noise of its st
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION
 """
 swb_mhe_get_window(c, x, n_x, w, n_w, filled) =
-    ccall(address(253), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x, n_x,
+    ccall(address(254), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x, n_x,
         w, n_w, filled)
 
 """
@@ -5942,7 +5958,7 @@ The covariance of the last state by the linearisation of the last program, witho
 @param[out] p [nx nx]
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION; SWB_ERR_STATE where there is no program
 """
-swb_mhe_get_covariance(c, p, n) = ccall(address(254), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, n)
+swb_mhe_get_covariance(c, p, n) = ccall(address(255), swb_status, (Ptr{swb_mhe}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_mhe_interrupt(c) -> swb_status
@@ -5951,14 +5967,14 @@ End the call that runs: from any thread or signal handler.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if the object has been freed
 """
-swb_mhe_interrupt(c) = ccall(address(255), swb_status, (Ptr{swb_mhe},), c)
+swb_mhe_interrupt(c) = ccall(address(256), swb_status, (Ptr{swb_mhe},), c)
 
 """
     swb_mhe_free(c) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mhe_free(c) = ccall(address(256), Cvoid, (Ptr{swb_mhe},), c)
+swb_mhe_free(c) = ccall(address(257), Cvoid, (Ptr{swb_mhe},), c)
 
 """
     swb_nmpc_options_init(options, struct_size) -> swb_status
@@ -5970,7 +5986,7 @@ Set the defaults of the options of a controller.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_options_init(options, struct_size) =
-    ccall(address(257), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
+    ccall(address(258), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
 
 """
     swb_nmpc_create(ocp, options, out) -> swb_status
@@ -5987,7 +6003,7 @@ every scheme but SWB_NMPC_SCHEME_MLI.
         periodicity, complementarity, penalties of the largest violation; SWB_ERR_RANGE if an option is outside its range
 """
 swb_nmpc_create(ocp, options, out) =
-    ccall(address(258), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
+    ccall(address(259), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
 
 """
     swb_nmpc_sizes(c, n, nx, nu) -> swb_status
@@ -6000,7 +6016,7 @@ Sizes of a controller.
 @return SWB_OK; SWB_ERR_NULL
 """
 swb_nmpc_sizes(c, n, nx, nu) =
-    ccall(address(259), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
+    ccall(address(260), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
 
 """
     swb_nmpc_initialise(c, x0, nx, max_iter, iterations) -> swb_status
@@ -6014,7 +6030,7 @@ Solve the problem for an initial state to convergence, from the present iterate:
         SWB_ERR_USER; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_initialise(c, x0, nx, max_iter, iterations) =
-    ccall(address(260), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
+    ccall(address(261), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
         iterations)
 
 """
@@ -6030,7 +6046,7 @@ sample before is used further, which is no failure.
         code; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_prepare(c, x_predicted, nx, info, struct_size) =
-    ccall(address(261), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
+    ccall(address(262), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
         x_predicted, nx, info, struct_size)
 
 """
@@ -6046,7 +6062,7 @@ made before the call returns.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite. How the preparation ends is said by swb_nmpc_wait.
 """
 swb_nmpc_prepare_async(c, x_predicted, nx, started) =
-    ccall(address(262), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
+    ccall(address(263), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Int64}), c, x_predicted, nx, started)
 
 """
     swb_nmpc_wait(c, info, struct_size) -> swb_status
@@ -6058,7 +6074,7 @@ Wait for the preparation that swb_nmpc_prepare_async has begun.
 @return SWB_OK; as swb_nmpc_prepare, how the preparation ended; SWB_ERR_STATE where there was none
 """
 swb_nmpc_wait(c, info, struct_size) =
-    ccall(address(263), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
+    ccall(address(264), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_info}, UInt64), c, info, struct_size)
 
 """
     swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) -> swb_status
@@ -6074,7 +6090,7 @@ most half of the deadline; then the control is that of the last plan and its fee
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) =
-    ccall(address(264), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
+    ccall(address(265), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
         UInt64), c, x, nx, u0, nu, info, struct_size)
 
 """
@@ -6085,7 +6101,7 @@ other call does it where it is needed.
 
 @return SWB_OK
 """
-swb_nmpc_finish(c) = ccall(address(265), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_finish(c) = ccall(address(266), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_set_params(c, p, n) -> swb_status
@@ -6097,7 +6113,7 @@ that switch they count from the next preparation on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_INTERRUPTED; SWB_ERR_USER for a negative code of a
         callback
 """
-swb_nmpc_set_params(c, p, n) = ccall(address(266), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
+swb_nmpc_set_params(c, p, n) = ccall(address(267), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_nmpc_set_references(c, term, y, n) -> swb_status
@@ -6110,7 +6126,7 @@ Set the references of a least-squares term. Between a preparation and its feedba
         SWB_ERR_USER for a negative code of a callback
 """
 swb_nmpc_set_references(c, term, y, n) =
-    ccall(address(267), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
+    ccall(address(268), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
 
 """
     swb_nmpc_set_time(c, t0) -> swb_status
@@ -6119,7 +6135,7 @@ Set the time of the first node, from the next preparation on.
 
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_nmpc_set_time(c, t0) = ccall(address(268), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
+swb_nmpc_set_time(c, t0) = ccall(address(269), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
 
 """
     swb_nmpc_set_weights(c, term, w, n_w) -> swb_status
@@ -6130,7 +6146,7 @@ Set the weights of a least-squares term, in the order they were added to the pro
 @return SWB_OK; SWB_ERR_RANGE for a term there is not, or a weight that is not finite; SWB_ERR_DIMENSION
 """
 swb_nmpc_set_weights(c, term, w, n_w) =
-    ccall(address(269), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, w, n_w)
+    ccall(address(270), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, w, n_w)
 
 """
     swb_nmpc_set_control_bounds(c, lower, upper, nu) -> swb_status
@@ -6142,7 +6158,7 @@ Set the bounds of the controls, infinite for none. Between a preparation and its
 @return SWB_OK; SWB_ERR_RANGE if a lower bound is above the upper one or NaN; SWB_ERR_DIMENSION
 """
 swb_nmpc_set_control_bounds(c, lower, upper, nu) =
-    ccall(address(270), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nu)
+    ccall(address(271), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nu)
 
 """
     swb_nmpc_set_state_bounds(c, lower, upper, nx) -> swb_status
@@ -6155,7 +6171,7 @@ Set the bounds of the states that have a derivative, infinite for none. Between 
         SWB_ERR_DIMENSION
 """
 swb_nmpc_set_state_bounds(c, lower, upper, nx) =
-    ccall(address(271), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nx)
+    ccall(address(272), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Ptr{Cdouble}, Int64), c, lower, upper, nx)
 
 """
     swb_nmpc_get_objective(c, value) -> swb_status
@@ -6165,7 +6181,7 @@ The cost of the plan with the prices of its violations, summed over the nodes as
 @param[out] value
 @return SWB_OK; SWB_ERR_NUMERIC if functions have no value at the plan; SWB_ERR_STATE without values of the parameters; SWB_ERR_NULL
 """
-swb_nmpc_get_objective(c, value) = ccall(address(272), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}), c, value)
+swb_nmpc_get_objective(c, value) = ccall(address(273), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}), c, value)
 
 """
     swb_nmpc_get_gain(c, k, n) -> swb_status
@@ -6175,7 +6191,7 @@ The feedback gain of the first stage where no constraint is active: u = u_0 + K 
 @param[out] k [nu nx] row by row
 @return SWB_OK; SWB_ERR_STATE if nothing is prepared; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
-swb_nmpc_get_gain(c, k, n) = ccall(address(273), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, k, n)
+swb_nmpc_get_gain(c, k, n) = ccall(address(274), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, k, n)
 
 """
     swb_nmpc_count_rows(c, rows) -> swb_status
@@ -6185,7 +6201,7 @@ Rows of constraints of the program: bounds of states and constraints, node by no
 @param[out] rows
 @return SWB_OK; SWB_ERR_NULL
 """
-swb_nmpc_count_rows(c, rows) = ccall(address(274), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}), c, rows)
+swb_nmpc_count_rows(c, rows) = ccall(address(275), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}), c, rows)
 
 """
     swb_nmpc_get_multipliers(c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes) -> swb_status
@@ -6199,7 +6215,7 @@ Multipliers of the plan: positive at upper, negative at lower bounds.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_get_multipliers(c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes) =
-    ccall(address(275), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(276), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Int64}, Int64), c, lambda, n_lambda, mu, n_mu, row_mu, n_row_mu, nodes, n_nodes)
 
 """
@@ -6209,7 +6225,7 @@ Set the seconds a feedback may take.
 
 @return SWB_OK; SWB_ERR_RANGE if they are not positive
 """
-swb_nmpc_set_deadline(c, seconds) = ccall(address(276), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
+swb_nmpc_set_deadline(c, seconds) = ccall(address(277), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
 
 """
     swb_nmpc_set_iterate(c, x, n_x, u, n_u) -> swb_status
@@ -6221,7 +6237,7 @@ Set the iterate; its multipliers are zero.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_nmpc_set_iterate(c, x, n_x, u, n_u) =
-    ccall(address(277), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(278), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_write_c(c, folder, prefix, precision) -> swb_status
@@ -6242,7 +6258,7 @@ recorded here; this controller is afterwards as after swb_nmpc_set_iterate with 
         stagewise; SWB_ERR_RANGE for the prefix, the precision, or if a file cannot be written
 """
 swb_nmpc_write_c(c, folder, prefix, precision) =
-    ccall(address(278), swb_status, (Ptr{swb_nmpc}, Cstring, Cstring, Int64), c, folder, prefix, precision)
+    ccall(address(279), swb_status, (Ptr{swb_nmpc}, Cstring, Cstring, Int64), c, folder, prefix, precision)
 
 """
     swb_nmpc_reset(c) -> swb_status
@@ -6251,7 +6267,7 @@ Back to the start: the guess of the problem, no multipliers, nothing measured, m
 
 @return SWB_OK
 """
-swb_nmpc_reset(c) = ccall(address(279), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_reset(c) = ccall(address(280), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_get_plan(c, x, n_x, u, n_u) -> swb_status
@@ -6263,7 +6279,7 @@ The plan from the last sample on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_get_plan(c, x, n_x, u, n_u) =
-    ccall(address(280), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(281), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_get_monitor(c, monitor, struct_size) -> swb_status
@@ -6275,7 +6291,7 @@ How the controller is doing.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_get_monitor(c, monitor, struct_size) =
-    ccall(address(281), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
+    ccall(address(282), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
 
 """
     swb_nmpc_interrupt(c) -> swb_status
@@ -6284,14 +6300,14 @@ End the call that runs: from any thread or signal handler. A preparation that is
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if the object has been freed
 """
-swb_nmpc_interrupt(c) = ccall(address(282), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_interrupt(c) = ccall(address(283), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_free(c) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_nmpc_free(c) = ccall(address(283), Cvoid, (Ptr{swb_nmpc},), c)
+swb_nmpc_free(c) = ccall(address(284), Cvoid, (Ptr{swb_nmpc},), c)
 
 """
     swb_ocp_create(system, horizon, n_stages, settings, out) -> swb_status
@@ -6309,7 +6325,7 @@ SWB_ERR_STATE.
         positive or an option is outside its range; SWB_ERR_DIMENSION without stages
 """
 swb_ocp_create(system, horizon, n_stages, settings, out) =
-    ccall(address(284), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
+    ccall(address(285), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
         horizon, n_stages, settings, out)
 
 """
@@ -6322,7 +6338,7 @@ controls that are constant by stage, and parameters. A program has a variable in
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit; SWB_ERR_UNSUPPORTED for abs, min and max of what moves within a
         stage: make such a cost the derivative of a further state of the model, and its value at the end the terminal cost
 """
-swb_ocp_set_lagrange(ocp, f) = ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_lagrange(ocp, f) = ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_set_mayer(ocp, f) -> swb_status
@@ -6332,7 +6348,7 @@ states, too.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_ocp_set_mayer(ocp, f) = ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_mayer(ocp, f) = ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) -> swb_status
@@ -6345,7 +6361,7 @@ Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) =
-    ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, lower, n_lower, upper, n_upper, at)
 
 """
@@ -6359,7 +6375,7 @@ last stage.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_terminal(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -6372,7 +6388,7 @@ Set bounds of the states at all stage points and element ends after the initial 
 @return as swb_ocp_add_path
 """
 swb_ocp_set_state_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(290), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6385,7 +6401,7 @@ Set bounds of the initial state; equal bounds fix it.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_initial_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(290), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6397,7 +6413,7 @@ Fix the initial state.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is NaN
 """
 swb_ocp_set_initial_state(ocp, x0, nx) =
-    ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
+    ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
 
 """
     swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -6409,7 +6425,7 @@ Set bounds of the controls.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6425,7 +6441,7 @@ bounds is better known to you.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not positive and finite
 """
 swb_ocp_set_nominal(ocp, x, n_x, u, n_u, p, n_p) =
-    ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, x, n_x, u, n_u, p, n_p)
 
 """
@@ -6436,7 +6452,7 @@ Set the parameters.
 @param[in] p [np]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_ocp_set_params(ocp, p, np) = ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
+swb_ocp_set_params(ocp, p, np) = ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
 
 """
     swb_ocp_set_initial_time(ocp, t0) -> swb_status
@@ -6445,7 +6461,7 @@ Set the initial time.
 
 @return SWB_OK; SWB_ERR_RANGE if it is not finite
 """
-swb_ocp_set_initial_time(ocp, t0) = ccall(address(295), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
+swb_ocp_set_initial_time(ocp, t0) = ccall(address(296), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
 
 """
     swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) -> swb_status
@@ -6457,7 +6473,7 @@ Give states to start from, linear in between.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if times do not rise or a value is not finite
 """
 swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) =
-    ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
+    ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
         x, n_x)
 
 """
@@ -6469,7 +6485,7 @@ Give controls to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_ocp_set_control_guess(ocp, u, n_u) =
-    ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(298), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_solve(ocp, outcome) -> swb_status
@@ -6481,7 +6497,7 @@ Solve. The problem is discretised at the first solve, and again only when its st
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if options do not go together
 """
-swb_ocp_solve(ocp, outcome) = ccall(address(298), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve(ocp, outcome) = ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_outcome(ocp, outcome) -> swb_status
@@ -6491,7 +6507,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_outcome(ocp, outcome) = ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_get_outcome(ocp, outcome) = ccall(address(300), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_polished(ocp, polished) -> swb_status
@@ -6501,7 +6517,7 @@ Outcome of the polish, which identifies the active set and solves the problem wi
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_polished(ocp, polished) = ccall(address(300), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
+swb_ocp_get_polished(ocp, polished) = ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
 
 """
     swb_ocp_get_cost(ocp, cost) -> swb_status
@@ -6512,7 +6528,7 @@ another point costs says nothing about the problem (swb_ocp_get_cost_reached).
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost(ocp, cost) = ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost(ocp, cost) = ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_cost_reached(ocp, cost) -> swb_status
@@ -6523,7 +6539,7 @@ solve was stopped before it was known.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost_reached(ocp, cost) = ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost_reached(ocp, cost) = ccall(address(303), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_controls(ocp, u, n_u) -> swb_status
@@ -6533,7 +6549,7 @@ Controls.
 @param[out] u [n_u] n_stages * nu, the controls of one stage together
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_controls(ocp, u, n_u) = ccall(address(303), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+swb_ocp_get_controls(ocp, u, n_u) = ccall(address(304), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) -> swb_status
@@ -6553,7 +6569,7 @@ each.
         minimiser; SWB_ERR_USER, SWB_ERR_NONFINITE if the model fails next to the given parameters
 """
 swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) =
-    ccall(address(304), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
+    ccall(address(305), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
         n_cost, u, n_u, one_sided)
 
 """
@@ -6566,7 +6582,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_residuals(ocp, residuals, struct_size) =
-    ccall(address(305), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
+    ccall(address(306), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
 
 """
     swb_ocp_get_stats(ocp, stats, struct_size) -> swb_status
@@ -6578,7 +6594,7 @@ Work and time of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_stats(ocp, stats, struct_size) =
-    ccall(address(306), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
+    ccall(address(307), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
 
 """
     swb_ocp_get_trajectory(ocp, out) -> swb_status
@@ -6588,7 +6604,7 @@ A copy of the trajectory of the last solve.
 @param[out] out the new object, NULL on failure; free with swb_trajectory_free
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_trajectory(ocp, out) = ccall(address(307), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
+swb_ocp_get_trajectory(ocp, out) = ccall(address(308), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
 
 """
     swb_ocp_set_int(ocp, name, value) -> swb_status
@@ -6597,7 +6613,7 @@ Set an integer or enumeration option of an optimal control problem (or a float o
 
 @return as swb_settings_set_int
 """
-swb_ocp_set_int(ocp, name, value) = ccall(address(308), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
+swb_ocp_set_int(ocp, name, value) = ccall(address(309), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
 
 """
     swb_ocp_set_double(ocp, name, value) -> swb_status
@@ -6607,7 +6623,7 @@ Set a float option of an optimal control problem by name.
 @return as swb_settings_set_double
 """
 swb_ocp_set_double(ocp, name, value) =
-    ccall(address(309), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
+    ccall(address(310), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
 
 """
     swb_ocp_set_string(ocp, name, value) -> swb_status
@@ -6617,7 +6633,7 @@ Set any option of an optimal control problem by name from text: a number, or the
 @return as swb_settings_set_string
 """
 swb_ocp_set_string(ocp, name, value) =
-    ccall(address(310), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
+    ccall(address(311), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
 
 """
     swb_ocp_set_settings(ocp, settings) -> swb_status
@@ -6627,7 +6643,7 @@ Set all options of an optimal control problem.
 @param[in] settings NULL for the defaults
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
-swb_ocp_set_settings(ocp, settings) = ccall(address(311), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
+swb_ocp_set_settings(ocp, settings) = ccall(address(312), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
 
 """
     swb_ocp_get_settings(ocp, settings, struct_size) -> swb_status
@@ -6639,7 +6655,7 @@ Options of an optimal control problem, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_get_settings(ocp, settings, struct_size) =
-    ccall(address(312), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
+    ccall(address(313), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
 
 """
     swb_ocp_set_iteration(ocp, iteration, user_data) -> swb_status
@@ -6650,7 +6666,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_iteration(ocp, iteration, user_data) =
-    ccall(address(313), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
+    ccall(address(314), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
 
 """
     swb_ocp_set_log(ocp, log, user_data) -> swb_status
@@ -6661,7 +6677,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_log(ocp, log, user_data) =
-    ccall(address(314), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
+    ccall(address(315), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
 
 """
     swb_ocp_interrupt(ocp) -> swb_status
@@ -6676,14 +6692,14 @@ calls in the same places.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_ocp_interrupt(ocp) = ccall(address(315), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_interrupt(ocp) = ccall(address(316), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_free(ocp) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_ocp_free(ocp) = ccall(address(316), Cvoid, (Ptr{swb_ocp},), ocp)
+swb_ocp_free(ocp) = ccall(address(317), Cvoid, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_sizes(ocp, nx, nu, np, n_stages) -> swb_status
@@ -6697,7 +6713,7 @@ Sizes of an optimal control problem.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_ocp_sizes(ocp, nx, nu, np, n_stages) =
-    ccall(address(317), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
+    ccall(address(318), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
         n_stages)
 
 """
@@ -6711,7 +6727,7 @@ accuracy_tol.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_accuracy(ocp, accuracy, struct_size) =
-    ccall(address(318), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
+    ccall(address(319), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
 
 """
     swb_ocp_get_certificate(ocp, certificate, struct_size) -> swb_status
@@ -6724,7 +6740,7 @@ unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_certificate(ocp, certificate, struct_size) =
-    ccall(address(319), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
+    ccall(address(320), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
 
 """
     swb_ocp_get_mismatch(ocp, stages, n_stages) -> swb_status
@@ -6735,7 +6751,7 @@ Largest difference between a state of the last solution and of the simulation at
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_accuracy
 """
 swb_ocp_get_mismatch(ocp, stages, n_stages) =
-    ccall(address(320), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
+    ccall(address(321), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
 
 """
     swb_ocp_get_message(ocp, buf, len, needed) -> swb_status
@@ -6750,7 +6766,7 @@ counted from zero. Empty where there is nothing to say. After a solve that retur
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_message(ocp, buf, len, needed) =
-    ccall(address(321), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(322), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_count_multipliers(ocp, of, n) -> swb_status
@@ -6761,7 +6777,7 @@ Constraints of a kind that multipliers belong to; 1 for what is no list.
 @param[out] n  constraints, in the order in which they were added
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
 """
-swb_ocp_count_multipliers(ocp, of, n) = ccall(address(322), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
+swb_ocp_count_multipliers(ocp, of, n) = ccall(address(323), swb_status, (Ptr{swb_ocp}, Int32, Ptr{Int64}), ocp, of, n)
 
 """
     swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) -> swb_status
@@ -6775,7 +6791,7 @@ Sizes of the multipliers of the last solution.
 @return SWB_OK; SWB_ERR_NULL; otherwise as swb_ocp_get_multipliers
 """
 swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) =
-    ccall(address(323), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
+    ccall(address(324), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Int64}, Ptr{Int64}), ocp, of, index, n_times,
         width)
 
 """
@@ -6792,7 +6808,7 @@ transitions or contacts, and of several phases.
         the model fails
 """
 swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) =
-    ccall(address(324), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
+    ccall(address(325), swb_status, (Ptr{swb_ocp}, Int32, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, of,
         index, times, n_times, values, n_values)
 
 """
@@ -6800,7 +6816,7 @@ swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) =
 
 Name of an enum swb_verdict, such as \"kink\"; NULL for any other number. Static.
 """
-swb_verdict_name(verdict) = ccall(address(325), Cstring, (Int32,), verdict)
+swb_verdict_name(verdict) = ccall(address(326), Cstring, (Int32,), verdict)
 
 """
     swb_ocp_get_optimality(ocp, optimality, struct_size) -> swb_status
@@ -6813,7 +6829,7 @@ multipliers of its constraints decide, independently of the discretisation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_optimality(ocp, optimality, struct_size) =
-    ccall(address(326), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
+    ccall(address(327), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
 
 """
     swb_ocp_get_kink(ocp, index, kink, struct_size) -> swb_status
@@ -6826,7 +6842,7 @@ A switch of the last solution that lies between two control stages.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_kink(ocp, index, kink, struct_size) =
-    ccall(address(327), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
+    ccall(address(328), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
 
 """
     swb_ocp_get_reduced_gradient(ocp, gradient, n) -> swb_status
@@ -6839,7 +6855,7 @@ verdict is SWB_VERDICT_UNKNOWN for want of a simulation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_reduced_gradient(ocp, gradient, n) =
-    ccall(address(328), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
+    ccall(address(329), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
 
 """
     swb_ocp_get_descent(ocp, direction, n) -> swb_status
@@ -6852,7 +6868,7 @@ where controls are linear.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_descent(ocp, direction, n) =
-    ccall(address(329), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
+    ccall(address(330), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
 
 """
     swb_ocp_get_optimality_reason(ocp, buf, len, needed) -> swb_status
@@ -6864,7 +6880,7 @@ Why it is not known whether the last solution is optimal; empty where it is.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_optimality_reason(ocp, buf, len, needed) =
-    ccall(address(330), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(331), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_create_scene(scene, horizon, n_stages, settings, out) -> swb_status
@@ -6880,7 +6896,7 @@ coordinates, then velocities, then what else it has; horizon, control grid and c
 @return as swb_ocp_create; SWB_ERR_STATE if the scene is not built
 """
 swb_ocp_create_scene(scene, horizon, n_stages, settings, out) =
-    ccall(address(331), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
+    ccall(address(332), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
         horizon, n_stages, settings, out)
 
 """
@@ -6891,7 +6907,7 @@ Set how contact modes and impacts of a scene are found. Other systems do not loo
 @param[in] jumps an enum swb_jumps
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_ocp_set_jumps(ocp, jumps) = ccall(address(332), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
+swb_ocp_set_jumps(ocp, jumps) = ccall(address(333), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
 
 """
     swb_ocp_get_contacts(ocp, n_contacts, n_impacts) -> swb_status
@@ -6903,7 +6919,7 @@ Sizes of what the contacts of an answer do.
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene
 """
 swb_ocp_get_contacts(ocp, n_contacts, n_impacts) =
-    ccall(address(333), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
+    ccall(address(334), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
 
 """
     swb_ocp_impacts(ocp, impacts, n, struct_size) -> swb_status
@@ -6915,7 +6931,7 @@ The impacts of an answer in the order they happen. Their depth is NaN: it is not
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if n is another number
 """
 swb_ocp_impacts(ocp, impacts, n, struct_size) =
-    ccall(address(334), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
+    ccall(address(335), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
 
 """
     swb_ocp_contact_modes(ocp, t, n_t, modes, n) -> swb_status
@@ -6928,7 +6944,7 @@ Modes of the contacts of an answer at times.
         SWB_ERR_DIMENSION
 """
 swb_ocp_contact_modes(ocp, t, n_t, modes, n) =
-    ccall(address(335), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
+    ccall(address(336), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
 
 """
     swb_ocp_contact_forces(ocp, t, n_t, forces, n) -> swb_status
@@ -6941,7 +6957,7 @@ Forces of the contacts of an answer at times: forces, not impulses.
 @return as swb_ocp_contact_modes
 """
 swb_ocp_contact_forces(ocp, t, n_t, forces, n) =
-    ccall(address(336), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
+    ccall(address(337), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
         n)
 
 """
@@ -6955,7 +6971,7 @@ every contact, the recommended one, how long a jump takes, warnings.
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_ocp_freezing_report(ocp, buf, len, needed) =
-    ccall(address(337), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(338), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) -> swb_status
@@ -6968,7 +6984,7 @@ Sizes of the mode sequence of the last solution: a phase for every finite elemen
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) =
-    ccall(address(338), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
+    ccall(address(339), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
         n_cells)
 
 """
@@ -6983,7 +6999,7 @@ Mode sequence of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(339), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(340), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -7001,7 +7017,7 @@ motions with this order count, and the times say nothing.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the times fall or do not start at 0
 """
 swb_ocp_set_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(340), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(341), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -7017,7 +7033,7 @@ Transitions of the last solution as a part of its mode sequence: see swb_ocp_set
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_mode_transitions(ocp, t, transition, stage, at_once, n) =
-    ccall(address(341), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
+    ccall(address(342), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
         transition, stage, at_once, n)
 
 """
@@ -7034,7 +7050,7 @@ stages, and no others, unless that has no solution. Without this call after swb_
         stages that fall
 """
 swb_ocp_set_mode_transitions(ocp, t, transition, stage, at_once, n) =
-    ccall(address(342), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
+    ccall(address(343), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}, Int64), ocp, t,
         transition, stage, at_once, n)
 
 """
@@ -7047,7 +7063,7 @@ the bounds of the controls.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_random_starts(ocp, seed, u, n_u) =
-    ccall(address(343), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
+    ccall(address(344), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
 
 """
     swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) -> swb_status
@@ -7068,7 +7084,7 @@ starts; so does swb_ocp_interrupt.
         first start if all fail
 """
 swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
-    ccall(address(344), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
+    ccall(address(345), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
         best)
 
 """
@@ -7084,7 +7100,7 @@ Results of the starts of the last swb_ocp_solve_starts.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
 """
 swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) =
-    ccall(address(345), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
+    ccall(address(346), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
         Int64), ocp, start, outcome, polished, cost, u, n_u)
 
 """
@@ -7098,7 +7114,7 @@ How the grid of the last solve was adapted (option adapt_tol).
 @return SWB_OK; SWB_ERR_STATE before the first solve, and where the option adapt_tol is 0
 """
 swb_ocp_get_adaptation(ocp, n_rounds, kept, reached) =
-    ccall(address(346), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
+    ccall(address(347), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
         reached)
 
 """
@@ -7116,7 +7132,7 @@ One solve on the way to an adapted grid.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
 """
 swb_ocp_get_round(ocp, round, elements, n_elements, n_variables, iterations, error, cost) =
-    ccall(address(347), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
+    ccall(address(348), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
         Ptr{Cdouble}), ocp, round, elements, n_elements, n_variables, iterations, error, cost)
 
 """
@@ -7130,7 +7146,7 @@ control and time of the end.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_boundary(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(348), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(349), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -7142,7 +7158,7 @@ Require that states have the same values at both ends of the horizon.
 @return SWB_OK; SWB_ERR_RANGE if there is no such state
 """
 swb_ocp_add_periodic(ocp, states, n_states) =
-    ccall(address(349), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
+    ccall(address(350), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
 
 """
     swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) -> swb_status
@@ -7155,7 +7171,7 @@ Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the cont
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) =
-    ccall(address(350), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(351), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, weights, n_weights, references, n_references, at)
 
 """
@@ -7168,7 +7184,7 @@ Change the references of a least-squares term.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term
 """
 swb_ocp_set_references(ocp, term, references, n_references) =
-    ccall(address(351), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
+    ccall(address(352), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
 
 """
     swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) -> swb_status
@@ -7183,7 +7199,7 @@ without it; see swb_ocp_get_violation.
 @return as swb_ocp_add_path; SWB_ERR_RANGE if the weight is not positive
 """
 swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) =
-    ccall(address(352), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(353), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32, Int32, Cdouble), ocp, f, lower, n_lower, upper, n_upper, at, norm, weight)
 
 """
@@ -7198,7 +7214,7 @@ is zero. Pairs of controls alone belong to the control grid; elsewhere they woul
 @return as swb_ocp_add_path
 """
 swb_ocp_add_complementarity(ocp, a, b, at) =
-    ccall(address(353), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
+    ccall(address(354), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
 
 """
     swb_ocp_set_elements(ocp, n_fe, n) -> swb_status
@@ -7208,7 +7224,7 @@ Set the number of finite elements of every control stage; without it all have as
 @param[in] n_fe [n] one for every stage, at least 1
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
-swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(354), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
+swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(355), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 
 """
     swb_ocp_set_durations(ocp, durations, n) -> swb_status
@@ -7219,7 +7235,7 @@ Set the lengths of the control stages; where they are free, those to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_durations(ocp, durations, n) =
-    ccall(address(355), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(356), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_set_free_time(ocp, what, lower, upper) -> swb_status
@@ -7232,7 +7248,7 @@ Let the optimiser choose lengths.
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_set_free_time(ocp, what, lower, upper) =
-    ccall(address(356), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
+    ccall(address(357), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
 
 """
     swb_ocp_add_horizon(ocp, lower, upper) -> swb_status
@@ -7242,7 +7258,7 @@ Bound the length of the horizon where those of the stages are free; after swb_oc
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_add_horizon(ocp, lower, upper) =
-    ccall(address(357), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
+    ccall(address(358), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
 
 """
     swb_ocp_set_linear_controls(ocp, linear, nu) -> swb_status
@@ -7253,7 +7269,7 @@ Make controls continuous and linear on every stage; the others stay constant.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_set_linear_controls(ocp, linear, nu) =
-    ccall(address(358), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
+    ccall(address(359), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
 
 """
     swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -7266,7 +7282,7 @@ the others keep those values.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(359), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(360), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7278,7 +7294,7 @@ Set parameters that change from control stage to control stage.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_stage_params(ocp, p, n_p) =
-    ccall(address(360), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+    ccall(address(361), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_solve_warm(ocp, outcome) -> swb_status
@@ -7288,7 +7304,7 @@ Solve from the last solution: after small changes its active set is tried first.
 @param[out] outcome as swb_ocp_solve
 @return as swb_ocp_solve
 """
-swb_ocp_solve_warm(ocp, outcome) = ccall(address(361), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve_warm(ocp, outcome) = ccall(address(362), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_shift(ocp) -> swb_status
@@ -7298,7 +7314,7 @@ initial state that is set by then, and starts from its modes and switching times
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_shift(ocp) = ccall(address(362), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_shift(ocp) = ccall(address(363), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_get_durations(ocp, durations, n) -> swb_status
@@ -7309,7 +7325,7 @@ Lengths of the control stages of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_durations(ocp, durations, n) =
-    ccall(address(363), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(364), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_get_params(ocp, p, n_p) -> swb_status
@@ -7319,7 +7335,7 @@ Parameters of the last solution, those that were free as they were found.
 @param[out] p [n_p] np
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_params(ocp, p, n_p) = ccall(address(364), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+swb_ocp_get_params(ocp, p, n_p) = ccall(address(365), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_get_control_ends(ocp, u, n_u) -> swb_status
@@ -7330,7 +7346,7 @@ Controls at the end of every stage: others than at its start where they are line
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_control_ends(ocp, u, n_u) =
-    ccall(address(365), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(366), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_violation(ocp, violation) -> swb_status
@@ -7339,7 +7355,7 @@ Largest violation of a relaxed constraint.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_violation(ocp, violation) = ccall(address(366), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
+swb_ocp_get_violation(ocp, violation) = ccall(address(367), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 
 """
     swb_ocp_jump_count(ocp, n_jumps) -> swb_status
@@ -7349,7 +7365,7 @@ Number of transitions of the last answer.
 @param[out] n_jumps transitions; 0 for systems without
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE before the first solve
 """
-swb_ocp_jump_count(ocp, n_jumps) = ccall(address(367), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
+swb_ocp_jump_count(ocp, n_jumps) = ccall(address(368), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
 
 """
     swb_ocp_jumps(ocp, jumps, n, struct_size) -> swb_status
@@ -7361,7 +7377,7 @@ The transitions of the last answer in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jumps(ocp, jumps, n, struct_size) =
-    ccall(address(368), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
+    ccall(address(369), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
 
 """
     swb_ocp_jump_states(ocp, index, before, after, n) -> swb_status
@@ -7374,7 +7390,7 @@ The states just before and just behind a transition of the last answer.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jump_states(ocp, index, before, after, n) =
-    ccall(address(369), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
+    ccall(address(370), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
         after, n)
 
 """
@@ -7389,7 +7405,7 @@ links tie it to the end of the phase before. A function of time sees the time fr
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
 """
 swb_multiphase_create(phases, n_phases, settings, out) =
-    ccall(address(370), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
+    ccall(address(371), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
         n_phases, settings, out)
 
 """
@@ -7404,7 +7420,7 @@ controls and no parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no phase behind, or a lower bound is above the upper one
 """
 swb_multiphase_link(m, phase, f, lower, n_lower, upper, n_upper) =
-    ccall(address(371), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
+    ccall(address(372), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), m, phase, f, lower, n_lower, upper, n_upper)
 
 """
@@ -7415,7 +7431,7 @@ Require that the next phase begins where this one ends, in all states.
 @param[in] phase counted from 0
 @return as swb_multiphase_link
 """
-swb_multiphase_link_continuous(m, phase) = ccall(address(372), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
+swb_multiphase_link_continuous(m, phase) = ccall(address(373), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 
 """
     swb_multiphase_link_reset(m, phase, r) -> swb_status
@@ -7428,7 +7444,7 @@ Require that the next phase begins at r(x(T)): what a stage that drops off, a do
 @return as swb_multiphase_link
 """
 swb_multiphase_link_reset(m, phase, r) =
-    ccall(address(373), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
+    ccall(address(374), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}), m, phase, r)
 
 """
     swb_multiphase_solve(m, outcome) -> swb_status
@@ -7438,7 +7454,7 @@ Solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_ocp_solve
 """
-swb_multiphase_solve(m, outcome) = ccall(address(374), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
+swb_multiphase_solve(m, outcome) = ccall(address(375), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
@@ -7450,7 +7466,7 @@ Result of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_info(m, info, struct_size) =
-    ccall(address(375), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
+    ccall(address(376), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
 
 """
     swb_multiphase_get_message(m, buf, len, needed) -> swb_status
@@ -7462,7 +7478,7 @@ Why the last solve did not end with an exact solution; empty where there is noth
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_message(m, buf, len, needed) =
-    ccall(address(376), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
+    ccall(address(377), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
 
 """
     swb_multiphase_get_phase(m, phase, out) -> swb_status
@@ -7475,7 +7491,7 @@ and statistics are those of all phases.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_phase(m, phase, out) =
-    ccall(address(377), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
+    ccall(address(378), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
 
 """
     swb_multiphase_set_iteration(m, iteration, user_data) -> swb_status
@@ -7486,7 +7502,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_multiphase_set_iteration(m, iteration, user_data) =
-    ccall(address(378), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
+    ccall(address(379), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
 
 """
     swb_multiphase_interrupt(m) -> swb_status
@@ -7495,14 +7511,14 @@ Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_multiphase_interrupt(m) = ccall(address(379), swb_status, (Ptr{swb_multiphase},), m)
+swb_multiphase_interrupt(m) = ccall(address(380), swb_status, (Ptr{swb_multiphase},), m)
 
 """
     swb_multiphase_free(m) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_multiphase_free(m) = ccall(address(380), Cvoid, (Ptr{swb_multiphase},), m)
+swb_multiphase_free(m) = ccall(address(381), Cvoid, (Ptr{swb_multiphase},), m)
 
 """
     swb_model_to_json(model, buf, len, needed) -> swb_status
@@ -7516,7 +7532,7 @@ states with the values they begin with, and its transitions. Functions that are 
         too short
 """
 swb_model_to_json(model, buf, len, needed) =
-    ccall(address(381), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(382), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) -> swb_status
@@ -7532,7 +7548,7 @@ Build a model from a document; its expressions become expressions of the graph.
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
 """
 swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) =
-    ccall(address(382), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(383), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_model}}), graph, text, functions, n_functions, rhs, n_rhs, out)
 
 """
@@ -7548,7 +7564,7 @@ and transitions. Functions that are called are named.
         SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_scene_to_json(scene, graph, buf, len, needed) =
-    ccall(address(383), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{UInt8}, Int64, Ptr{Int64}), scene, graph,
+    ccall(address(384), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{UInt8}, Int64, Ptr{Int64}), scene, graph,
         buf, len, needed)
 
 """
@@ -7566,7 +7582,7 @@ Create a scene, or a projected system, from a document; its expressions become e
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as the functions that make a scene
 """
 swb_scene_from_json(graph, text, functions, n_functions, roots, n_roots, out) =
-    ccall(address(384), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(385), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_scene}}), graph, text, functions, n_functions, roots, n_roots, out)
 
 """
@@ -7577,7 +7593,7 @@ Numbers of states, controls and parameters of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_sizes(model, nx, nu, np) =
-    ccall(address(385), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
+    ccall(address(386), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
 
 """
     swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) -> swb_status
@@ -7593,7 +7609,7 @@ Functions that are not made of expressions are named only.
         the buffer is too short
 """
 swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) =
-    ccall(address(386), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
+    ccall(address(387), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
         duration, n_steps, buf, len, needed)
 
 """
@@ -7609,7 +7625,7 @@ Create a simulator from a document; it stands where the simulation begins.
 @return as swb_model_from_json
 """
 swb_simulator_from_json(text, functions, n_functions, duration, n_steps, out) =
-    ccall(address(387), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
+    ccall(address(388), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
         Ptr{Ptr{swb_simulator}}), text, functions, n_functions, duration, n_steps, out)
 
 """
@@ -7624,7 +7640,7 @@ given to start from. Functions that are not made of expressions are named only.
         too short
 """
 swb_ocp_to_json(ocp, buf, len, needed) =
-    ccall(address(388), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(389), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_from_json(text, functions, n_functions, out) -> swb_status
@@ -7637,7 +7653,7 @@ Create an optimal control problem from a document.
 @return as swb_model_from_json
 """
 swb_ocp_from_json(text, functions, n_functions, out) =
-    ccall(address(389), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
+    ccall(address(390), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
         n_functions, out)
 
 """
@@ -7654,7 +7670,7 @@ Create a program without pairs and bounds, parameters and start zero.
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
 """
 swb_mpcc_create(n, np, objective, constraints, settings, out) =
-    ccall(address(390), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
+    ccall(address(391), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
         Ptr{Ptr{swb_mpcc}}), n, np, objective, constraints, settings, out)
 
 """
@@ -7672,7 +7688,7 @@ A constraint may be in one pair only; a variable in several.
         there is no such index
 """
 swb_mpcc_add_pair(mpcc, kind_g, index_g, kind_h, index_h) =
-    ccall(address(391), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
+    ccall(address(392), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
         index_h)
 
 """
@@ -7689,7 +7705,7 @@ nonlinear complementarity problem.
 @return SWB_OK; SWB_ERR_RANGE if the constraint is in a pair or box; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_add_box(mpcc, variable, constraint) =
-    ccall(address(392), swb_status, (Ptr{swb_mpcc}, Int64, Int64), mpcc, variable, constraint)
+    ccall(address(393), swb_status, (Ptr{swb_mpcc}, Int64, Int64), mpcc, variable, constraint)
 
 """
     swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) -> swb_status
@@ -7705,7 +7721,7 @@ For functions described with swb_function_set_linear nothing else is prepared, a
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
 """
 swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) =
-    ccall(address(393), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
+    ccall(address(394), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
         mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data)
 
 """
@@ -7718,7 +7734,7 @@ Set bounds of the variables.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_mpcc_set_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(394), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(395), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7731,7 +7747,7 @@ Set bounds of the constraints; equal bounds make an equation. Those of rows in p
 @return as swb_mpcc_set_bounds
 """
 swb_mpcc_set_constraint_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(395), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(396), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -7743,7 +7759,7 @@ Set the parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_params(mpcc, values, np) =
-    ccall(address(396), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
+    ccall(address(397), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
 
 """
     swb_mpcc_set_start(mpcc, w, n) -> swb_status
@@ -7753,7 +7769,7 @@ Set the point to start from.
 @param[in] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mpcc_set_start(mpcc, w, n) = ccall(address(397), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_set_start(mpcc, w, n) = ccall(address(398), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) -> swb_status
@@ -7768,7 +7784,7 @@ goes back to starting from a point alone.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) =
-    ccall(address(398), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(399), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         mpcc, w, n, y, m, z, n_z)
 
 """
@@ -7781,7 +7797,7 @@ Solve.
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
 """
-swb_mpcc_solve(mpcc, outcome) = ccall(address(399), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_solve(mpcc, outcome) = ccall(address(400), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_resolve(mpcc, outcome) -> swb_status
@@ -7792,7 +7808,7 @@ failed, diverged or ended infeasible this is swb_mpcc_solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_resolve(mpcc, outcome) = ccall(address(400), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_resolve(mpcc, outcome) = ccall(address(401), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_outcome(mpcc, outcome) -> swb_status
@@ -7802,7 +7818,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(401), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(402), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
@@ -7812,7 +7828,7 @@ Outcome of the polish, which identifies the active set and solves the smooth pro
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_polished(mpcc, polished) = ccall(address(402), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
+swb_mpcc_get_polished(mpcc, polished) = ccall(address(403), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 
 """
     swb_mpcc_get_objective(mpcc, objective) -> swb_status
@@ -7822,7 +7838,7 @@ Objective.
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_objective(mpcc, objective) =
-    ccall(address(403), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
+    ccall(address(404), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
 
 """
     swb_mpcc_get_solution(mpcc, w, n) -> swb_status
@@ -7832,7 +7848,7 @@ The point.
 @param[out] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_solution(mpcc, w, n) = ccall(address(404), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_get_solution(mpcc, w, n) = ccall(address(405), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_get_constraints(mpcc, c, m) -> swb_status
@@ -7842,7 +7858,7 @@ Constraints at the point.
 @param[out] c [m] rows; NaN where the solve failed
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(405), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
+swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(406), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 
 """
     swb_mpcc_get_multipliers(mpcc, y, m, z, n) -> swb_status
@@ -7855,7 +7871,7 @@ Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_multipliers(mpcc, y, m, z, n) =
-    ccall(address(406), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
+    ccall(address(407), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
 
 """
     swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) -> swb_status
@@ -7870,7 +7886,7 @@ the pairs were added.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) =
-    ccall(address(407), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
+    ccall(address(408), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
         mpcc, g, h, nu, xi, n_pairs)
 
 """
@@ -7883,7 +7899,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
-    ccall(address(408), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(409), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
@@ -7895,7 +7911,7 @@ Work and time of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_stats(mpcc, stats, struct_size) =
-    ccall(address(409), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(410), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_set_int(mpcc, name, value) -> swb_status
@@ -7905,7 +7921,7 @@ Set an integer or enumeration option of a program (or a float one, to an integer
 @return as swb_settings_set_int
 """
 swb_mpcc_set_int(mpcc, name, value) =
-    ccall(address(410), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
+    ccall(address(411), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
 
 """
     swb_mpcc_set_double(mpcc, name, value) -> swb_status
@@ -7915,7 +7931,7 @@ Set a float option of a program by name.
 @return as swb_settings_set_double
 """
 swb_mpcc_set_double(mpcc, name, value) =
-    ccall(address(411), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
+    ccall(address(412), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
 
 """
     swb_mpcc_set_string(mpcc, name, value) -> swb_status
@@ -7925,7 +7941,7 @@ Set any option of a program by name from text: a number, or the value name of an
 @return as swb_settings_set_string
 """
 swb_mpcc_set_string(mpcc, name, value) =
-    ccall(address(412), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
+    ccall(address(413), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
 
 """
     swb_mpcc_set_settings(mpcc, settings) -> swb_status
@@ -7936,7 +7952,7 @@ Set all options of a program.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_mpcc_set_settings(mpcc, settings) =
-    ccall(address(413), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
+    ccall(address(414), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
 
 """
     swb_mpcc_get_settings(mpcc, settings, struct_size) -> swb_status
@@ -7948,7 +7964,7 @@ Options of a program, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_mpcc_get_settings(mpcc, settings, struct_size) =
-    ccall(address(414), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
+    ccall(address(415), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
 
 """
     swb_mpcc_set_iteration(mpcc, iteration, user_data) -> swb_status
@@ -7959,7 +7975,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_iteration(mpcc, iteration, user_data) =
-    ccall(address(415), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
+    ccall(address(416), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
 
 """
     swb_mpcc_set_log(mpcc, log, user_data) -> swb_status
@@ -7970,7 +7986,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_log(mpcc, log, user_data) =
-    ccall(address(416), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
+    ccall(address(417), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
 
 """
     swb_mpcc_interrupt(mpcc) -> swb_status
@@ -7982,14 +7998,14 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_mpcc_interrupt(mpcc) = ccall(address(417), swb_status, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_interrupt(mpcc) = ccall(address(418), swb_status, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_free(mpcc) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mpcc_free(mpcc) = ccall(address(418), Cvoid, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_free(mpcc) = ccall(address(419), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) -> swb_status
@@ -8009,7 +8025,7 @@ that were set since the solve are not used.
         not those of the functions; SWB_ERR_NONFINITE if a function has no value next to the parameters; SWB_ERR_USER
 """
 swb_mpcc_get_tangents(mpcc, x, n_x, objective, n_objective, sides, n_sides) =
-    ccall(address(419), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
+    ccall(address(420), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64),
         mpcc, x, n_x, objective, n_objective, sides, n_sides)
 
 """
@@ -8027,7 +8043,7 @@ differentiable, and one for each where it is not.
 @return as swb_mpcc_get_tangents; SWB_ERR_RANGE if a weight is not finite
 """
 swb_mpcc_vjp(mpcc, x, n_x, objective, p, n_p, sides, n_sides) =
-    ccall(address(420), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
+    ccall(address(421), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Cdouble, Ptr{Cdouble}, Int64, Ptr{Int32},
         Int64), mpcc, x, n_x, objective, p, n_p, sides, n_sides)
 
 """
@@ -8035,21 +8051,21 @@ swb_mpcc_vjp(mpcc, x, n_x, objective, p, n_p, sides, n_sides) =
 
 Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Static.
 """
-swb_stationarity_name(stationarity) = ccall(address(421), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(422), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
 
 Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
-swb_doubt_name(doubt) = ccall(address(422), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(423), Cstring, (Int32,), doubt)
 
 """
     swb_second_order_name(second_order) -> Cstring
 
 Name of an enum swb_second_order, such as \"saddle\"; NULL for any other number. Static.
 """
-swb_second_order_name(second_order) = ccall(address(423), Cstring, (Int32,), second_order)
+swb_second_order_name(second_order) = ccall(address(424), Cstring, (Int32,), second_order)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -8062,7 +8078,7 @@ Name a variable, a constraint, a pair or a box: reports and messages of the log 
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(424), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(425), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -8075,7 +8091,7 @@ Name all variables, constraints, pairs or boxes.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(425), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(426), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -8089,7 +8105,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(426), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(427), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -8106,7 +8122,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(427), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(428), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -8130,7 +8146,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(428), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(429), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -8143,7 +8159,7 @@ Knowledge of the point of the last solve: type of stationarity, B-stationarity.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(429), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(430), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -8156,7 +8172,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(430), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(431), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -8168,7 +8184,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(431), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(432), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -8180,7 +8196,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(432), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(433), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -8192,6 +8208,6 @@ Report on the last solve for people: a table with the worst violations and what 
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(433), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(434), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

@@ -1,5 +1,8 @@
 """Bodies of convex shapes that touch each other, and inner problems in expressions: against closed forms, SciPy and conservation."""
 
+import ctypes
+import subprocess
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize
@@ -287,6 +290,66 @@ def test_gaps_of_ellipsoids_and_cylinders_are_distances(kinds):
         if k % 4:
             assert (np.asarray(f.jacobian(full))[:, :26] @ move)[near] == pytest.approx(slope[near], abs=1e-6)
     assert seen > 10
+
+
+DRIVER = """
+#include "model.c"
+int run(const double *x, const double *w, double *v, double *j, double *h) {
+    double values[100000];
+    int c, k, code = f0_value(0.0, x, 0, 0, v);
+    if (code || (code = f0_jacobian(0.0, x, 0, 0, values)))
+        return code;
+    for (c = 0; c < f0_nx; c++)
+        for (k = (int)f0_jacobian_col_ptr[c]; k < f0_jacobian_col_ptr[c + 1]; k++)
+            j[f0_jacobian_row_idx[k] * f0_nx + c] = values[k];
+    code = f0_hessian(0.0, x, 0, 0, w, values);
+    for (c = 0; c < f0_nx && !code; c++)
+        for (k = (int)f0_hessian_col_ptr[c]; k < f0_hessian_col_ptr[c + 1]; k++)
+            h[f0_hessian_row_idx[k] * f0_nx + c] = values[k];
+    return code;
+}
+"""
+
+
+@pytest.mark.parametrize("kinds", [("ellipsoid", "box"), ("cylinder", "cylinder"), ("ellipsoid", "ellipsoid")])
+def test_c_code_of_gaps_is_the_library(kinds, tmp_path):
+    """Gaps as rates of a model, compiled by gcc without a heap: values, first and second derivatives at random points."""
+    w = swb.World(space=True)
+    a, b = (solid(w, k) for k in kinds)
+    touch = [t for p in w._stated() for t in _gaps.touches_of(p)][-1]
+    m = swb.Model(states=[f"x{k}" for k in range(14)])
+    parts = [[m.x[7 * i + k] for k in range(7)] for i in (0, 1)]
+    bodies = {n.name: swb.BodyState(q[:3], [0.0] * 3, None, [0.0] * 3, _gaps.sp.of_quaternion(q[3:])) for n, q in zip((a, b), parts)}
+    gap, normal, _, _ = touch.geometry(swb.States(w, bodies, None, None, 0.0))
+    m.derivatives = [gap, normal[0] if kinds == ("ellipsoid", "ellipsoid") else 0.0] + [0.0] * 12
+    code = m.c_code()
+    assert "alloc" not in code
+    (tmp_path / "model.c").write_text(code)
+    (tmp_path / "driver.c").write_text(DRIVER)
+    strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror"]
+    subprocess.run(["gcc", *strict, "-O1", "-ffp-contract=off", "-shared", "-fPIC", "-o", "model.so", "driver.c", "-lm"], cwd=tmp_path, check=True)
+    run = ctypes.CDLL(str(tmp_path / "model.so")).run
+    f = m.graph.function(m.derivatives, nx=14)
+    r, seen = np.random.default_rng(), 0
+    for _ in range(40):
+        x = np.concatenate([r.normal(size=7), r.normal(size=3) * 2.0, r.normal(size=4)])
+        weights = np.concatenate([r.normal(size=2), np.zeros(12)])
+        v, j, h = np.zeros(14), np.zeros((14, 14)), np.zeros((14, 14))
+        failed = run(*(c.ctypes.data_as(ctypes.c_void_p) for c in (x, weights, v, j, h)))
+        try:
+            exact = f(x), np.asarray(f.jacobian(x))[:, :14], np.asarray(f.hessian(x, weights=weights))[:14, :14]
+        except swb.SwitchbackError:
+            assert failed
+            continue
+        assert not failed
+        # next to each other, and where they overlap, derivatives are large and have fewer digits
+        if exact[0][0] < 0.05:
+            continue
+        seen += 1
+        for got, known in zip((v, j, np.triu(h) + np.triu(h, 1).T), exact):
+            full = known if known.ndim < 2 or known is exact[1] else np.triu(known) + np.triu(known, 1).T
+            assert got == pytest.approx(full, rel=1e-9, abs=1e-11 * max(1.0, np.abs(full).max()))
+    assert seen > 5
 
 
 # --- motions --------------------------------------------------------------------------------------------

@@ -371,6 +371,26 @@ pub unsafe extern "C" fn swb_scene_set_stiction(
     })
 }
 
+/// Give a lower bound of the gap of a contact. Contacts with the same expression are not looked at while it is positive, as those of two bodies
+/// that are far apart: for scenes with very many contacts. Nothing checks that the gap is not less; a contact may be missed where it is.
+///
+/// @param[in] graph      the graph of the expressions
+/// @param[in] contact    its number
+/// @param[in] separation expression of coordinates, parameters and time: of two bodies the distance of spheres around them
+/// @return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions or no contact
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_set_separation(
+    scene: *mut swb_scene,
+    graph: *const swb_expr,
+    contact: i64,
+    separation: i64,
+) -> swb_status {
+    setting(scene, || unsafe {
+        let k = size(contact, "contact")?;
+        with_ids(scene, graph, (&separation, 1), "separation", |s, all| s.set_separation(k, all[0]))
+    })
+}
+
 /// Add dry friction at a joint: a force opposite to a sliding velocity, with a bound that is given. It is counted among the
 /// contacts, and in results its force stands at the first tangent, behind a zero in the place of the normal force.
 ///

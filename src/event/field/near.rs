@@ -5,12 +5,14 @@
 //! point, by interval arithmetic that rounds outwards ([`crate::func::Function::bounds`]), stays open until the clock has
 //! gone on by `k`, and is not looked at until then. What a step uses is known before it is accepted, so a contact that may
 //! close in it is looked at in it. So no contact is missed whose coordinates move no faster between the stages of a step than
-//! twice what they do at them, and what a step costs grows with the contacts that can close soon. Gaps of which nothing is
+//! twice what they do at them. Contacts that share a lower bound of their gaps ([`Separation`]) are asked together first, and what a step costs grows with the contacts that can close soon. Gaps of which nothing is
 //! known (callbacks), and contacts that are closed, are looked at in every step.
 
 use crate::event::step::Step;
-use crate::func::Point;
-use crate::system::{Contact, Mechanics};
+use std::sync::Arc;
+
+use crate::func::{Function, Point};
+use crate::system::{Contact, Mechanics, Separation};
 
 /// Scenes with fewer contacts look at all of them.
 const FEW: usize = 8;
@@ -29,6 +31,16 @@ const WINDOW: usize = 64;
 /// What rounding adds to a box, relative to its size.
 const INFLATE: f64 = 1.0 + 1e-9;
 
+/// Contacts with one lower bound of their gaps.
+struct Group {
+    bound: Arc<Separation>,
+    /// Until which time of the clock all of them are open.
+    due: f64,
+    closing: f64,
+    /// Was it asked in this look?
+    asked: bool,
+}
+
 /// What is known of the contacts that are open.
 pub(super) struct Near {
     on: bool,
@@ -40,6 +52,9 @@ pub(super) struct Near {
     pub(super) known: Vec<bool>,
     /// How much of a gap one budget takes, as far as it is known.
     closing: Vec<f64>,
+    groups: Vec<Group>,
+    /// The group of a contact.
+    group: Vec<Option<usize>>,
     clock: f64,
     budget: Vec<f64>,
     /// The time that belongs to a budget.
@@ -59,14 +74,20 @@ impl Near {
         let local = || m.contacts.iter().filter_map(|c| c.local.as_ref());
         // what never opens is looked at in any case
         let known = |c: &Contact| c.local.is_some() || !c.kind.opens();
-        let states = local().map(|l| l.gap.dims().x).max().unwrap_or(0);
-        let work = local().map(|l| 2 * l.gap.work_len()).max().unwrap_or(0);
+        let (group, bounds) = Separation::groups(m.contacts.iter().map(|c| c.local.as_ref()));
+        let functions = || local().map(|l| &l.gap).chain(bounds.iter().map(|b| &b.distance));
+        let states = functions().map(|f| f.dims().x).max().unwrap_or(0);
+        let work = functions().map(|f| 2 * f.work_len()).max().unwrap_or(0);
+        let group_of = |bound| Group { bound, due: f64::NEG_INFINITY, closing: 0.0, asked: false };
+        let groups = bounds.iter().cloned().map(group_of).collect();
         Near {
             on: n >= FEW && m.contacts.iter().all(known),
             due: vec![f64::NEG_INFINITY; n],
             near: vec![true; n],
             known: vec![false; n],
             closing: vec![0.0; n],
+            groups,
+            group,
             clock: 0.0,
             budget: vec![0.0; m.n_q],
             time: 0.0,
@@ -85,11 +106,18 @@ impl Near {
         self.near.fill(true);
         self.known.fill(false);
         self.closing.fill(0.0);
+        self.forget_groups(|_| true);
         self.clock = 0.0;
         self.steps = 0;
         self.budget.fill(0.0);
         self.most.fill(0.0);
         self.time = 0.0;
+    }
+
+    fn forget_groups(&mut self, which: impl Fn(&Group) -> bool) {
+        for g in self.groups.iter_mut().filter(|g| which(g)) {
+            (g.due, g.closing) = (f64::NEG_INFINITY, 0.0);
+        }
     }
 
     /// How far the coordinates may go in a step.
@@ -125,8 +153,10 @@ impl Near {
         self.measure(s, implicit);
         self.raise(m, s.h.abs());
         let used = LONGER * self.used(s.h);
+        self.groups.iter_mut().for_each(|g| g.asked = false);
         for i in 0..self.due.len() {
-            self.near[i] = !open(i) || !(self.due[i] >= self.clock + used || self.stays_open(m, at, i, used));
+            let far = |n: &mut Near| n.due[i] >= n.clock + used || n.is_apart(at, i, used) || n.stays_open(m, at, i, used);
+            self.near[i] = !open(i) || !far(self);
         }
         true
     }
@@ -148,46 +178,81 @@ impl Near {
                     (self.due[i], self.closing[i]) = (f64::NEG_INFINITY, 0.0);
                 }
             }
+            self.forget_groups(|g| g.bound.coordinates.contains(&j));
         }
         if all {
+            self.forget_groups(|_| true);
             self.due.fill(f64::NEG_INFINITY);
             self.closing.fill(0.0);
         }
     }
 
+    /// Are all contacts of the group of contact `i` open for certain while `used` budgets are used? A group is asked once.
+    fn is_apart(&mut self, at: &Point, i: usize, used: f64) -> bool {
+        let Some(g) = self.group[i] else { return false };
+        let group = &mut self.groups[g];
+        if group.due >= self.clock + used {
+            return true;
+        }
+        if std::mem::replace(&mut group.asked, true) {
+            return false;
+        }
+        let (bound, mut closing) = (group.bound.clone(), group.closing);
+        let due = self.positive_until(at, (&*bound.distance, &bound.coordinates), used, &mut closing);
+        let group = &mut self.groups[g];
+        group.closing = closing;
+        group.due = due.unwrap_or(group.due);
+        due.is_some()
+    }
+
     /// Is contact `i` open for certain while `used` budgets are used? Then it is known until when.
     fn stays_open(&mut self, m: &Mechanics, at: &Point, i: usize, used: f64) -> bool {
-        let Some(gap) = self.least_gap(m, at, i, 0.0) else { return false };
-        let guess = |closing: f64, share: f64| (share * gap / closing).min(FAR);
-        let mut k = if self.closing[i] == 0.0 { FAR } else { guess(self.closing[i], 0.9) };
+        let Some(l) = &m.contacts[i].local else { return false };
+        let mut closing = self.closing[i];
+        let due = self.positive_until(at, (&*l.gap, &l.coordinates), used, &mut closing);
+        self.closing[i] = closing;
+        self.due[i] = due.unwrap_or(self.due[i]);
+        due.is_some()
+    }
+
+    /// Until which time of the clock a function of these coordinates is positive for certain, `used` budgets at least. `closing` is how much of it
+    /// one budget takes.
+    fn positive_until(
+        &mut self,
+        at: &Point,
+        f: (&dyn Function, &[usize]),
+        used: f64,
+        closing: &mut f64,
+    ) -> Option<f64> {
+        let value = self.least(at, f, 0.0)?;
+        let guess = |closing: f64, share: f64| (share * value / closing).min(FAR);
+        let mut k = if *closing == 0.0 { FAR } else { guess(*closing, 0.9) };
         for _ in 0..TRIES {
             if k.is_nan() || k < used {
                 // what was known of its closing may be out of date some time
-                self.closing[i] *= 0.97;
-                return false;
+                *closing *= 0.97;
+                return None;
             }
-            let Some(low) = self.least_gap(m, at, i, k) else { return false };
+            let low = self.least(at, f, k)?;
             if low.is_finite() {
-                self.closing[i] = (gap - low).max(0.0) / k;
+                *closing = (value - low).max(0.0) / k;
             }
             if low > 0.0 {
-                self.due[i] = self.clock + k;
-                return true;
+                return Some(self.clock + k);
             }
-            let better = if low.is_finite() { guess(self.closing[i], 0.8) } else { k / 8.0 };
+            let better = if low.is_finite() { guess(*closing, 0.8) } else { k / 8.0 };
             k = better.min(k / 2.0);
         }
-        false
+        None
     }
 
-    /// Lower bound of a gap over a box of `k` budgets around a point, and over the time that belongs to them.
-    fn least_gap(&mut self, m: &Mechanics, at: &Point, i: usize, k: f64) -> Option<f64> {
-        let l = m.contacts[i].local.as_ref()?;
-        let n = l.gap.dims().x;
+    /// Lower bound of a function of coordinates over a box of `k` budgets around a point, and over the time that belongs to them.
+    fn least(&mut self, at: &Point, (f, coordinates): (&dyn Function, &[usize]), k: f64) -> Option<f64> {
+        let n = f.dims().x;
         let (low, high) = (&mut self.low[..n], &mut self.high[..n]);
         low.fill(0.0);
         high.fill(0.0);
-        for (place, &j) in l.coordinates.iter().enumerate() {
+        for (place, &j) in coordinates.iter().enumerate() {
             let reach = self.budget[j] * k * INFLATE;
             (low[place], high[place]) = ((at.x[j] - reach).next_down(), (at.x[j] + reach).next_up());
         }
@@ -195,7 +260,7 @@ impl Near {
         let (mut a, mut b) = ([0.0], [0.0]);
         let from = Point { x: low, ..*at };
         let to = Point { t: end.next_up(), x: high, ..*at };
-        l.gap.bounds(&from, &to, &mut a, &mut b, &mut self.work).then_some(a[0])
+        f.bounds(&from, &to, &mut a, &mut b, &mut self.work).then_some(a[0])
     }
 
     /// A step is accepted.

@@ -1330,6 +1330,7 @@ FUNCTIONS = {
     "swb_scene_set_state_rates": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64]),
     "swb_scene_add_contact": (c_int32, [c_void_p, c_void_p, c_char_p, c_int64, c_void_p, c_int64, c_int64, c_int64, c_void_p]),
     "swb_scene_set_stiction": (c_int32, [c_void_p, c_void_p, c_int64, c_int64]),
+    "swb_scene_set_separation": (c_int32, [c_void_p, c_void_p, c_int64, c_int64]),
     "swb_scene_add_friction": (c_int32, [c_void_p, c_void_p, c_char_p, c_int64, c_int64, c_int64, c_void_p]),
     "swb_scene_add_constraint": (c_int32, [c_void_p, c_void_p, c_char_p, c_int64, c_void_p]),
     "swb_scene_set_bounds": (c_int32, [c_void_p, c_int64, c_double, c_double]),

@@ -263,6 +263,24 @@ class _Touch:
         return distance - radius - core.radius, normal, out, foot
 
 
+def separation_of(pair: _Pair, touches: list[_Touch], s: States) -> Any:
+    """The distance of spheres around two bodies, or of one from a plane, which none of their gaps is less than. None where it is no cheaper than
+    they are."""
+    first = touches[0] if touches else None
+    if first is None or (len(touches) == 1 and isinstance(first.spot, _Spot) and first.spot.squares is None and first.other is not None):
+        return None
+    at, reach = list(s[pair.a].position), pair.a._reach
+    if isinstance(pair.b, Fixed):
+        if len(touches) == 1:
+            return None
+        on = None if pair.b.on is None else s[pair.b.on]
+        normal = list(pair.b.normal) if on is None else on.turned(pair.b.normal)
+        way = at if on is None else sp.subtract(at, list(on.position))
+        return sp.dot(normal, way) - reach - _value(pair.b.offset, s)
+    way = sp.subtract(at, list(s[pair.b].position))
+    return numpy.sqrt(sp.dot(way, way)) - (reach + pair.b._reach)
+
+
 def expressions_of(touches: list[_Touch], s: States) -> list[tuple[Any, list[Any]]]:
     """Gaps and sliding velocities. Corners and cores of one form in the plane are written together, as arrays: there may be very many."""
     out: list[Any] = [None] * len(touches)

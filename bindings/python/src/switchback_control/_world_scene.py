@@ -15,7 +15,7 @@ from .errors import ArgumentError, DimensionError
 from .expr import Expr
 from .multibody import Joint, Trees, loop
 from .scene import Scene
-from ._gaps import _Touch, expressions_of, touches_of
+from ._gaps import _Touch, expressions_of, separation_of, touches_of
 from .shapes import Body, BodyState, Fixed, States, _Pair, _value
 
 if TYPE_CHECKING:
@@ -49,10 +49,12 @@ def write(world: World, pairs: list[_Pair]) -> Scene:
     turns = {b.name: _turns(b, pairs) for b in world.bodies}
     scene, read, put = (_in_space if world.space else _in_the_plane)(world, turns)
     states = read(scene.x, scene.u, scene.p, scene.t)
-    touches = [touch for p in pairs for touch in touches_of(p)]
-    for touch, (gap, sliding) in zip(touches, expressions_of(touches, states)):
+    found = [touches_of(p) for p in pairs]
+    touches = [touch for group in found for touch in group]
+    apart = [a for p, group in zip(pairs, found) for a in [separation_of(p, group, states)] * len(group)]
+    for touch, (gap, sliding), far in zip(touches, expressions_of(touches, states), apart):
         tangents = sliding if rough(touch.mu) else []
-        scene.contact(touch.name, gap, tangents, mu=_value(touch.mu, states), e=_value(touch.e, states))
+        scene.contact(touch.name, gap, tangents, mu=_value(touch.mu, states), e=_value(touch.e, states), separation=far)
     for joint in world.joints:
         _hold(scene, joint, states)
     for name, zero in world._constraints:

@@ -377,7 +377,7 @@ class Scene(_ContactSystem):
         return lower, self.contact(f"{name} upper", half - self.graph.of(play), e=e)
 
     def contact(
-        self, name: str, gap: Any, tangents: Any = (), mu: Any = 0.0, e: Any = 0.0, mu_s: Any = None
+        self, name: str, gap: Any, tangents: Any = (), mu: Any = 0.0, e: Any = 0.0, mu_s: Any = None, separation: Any = None
     ) -> SceneContact:
         """Add a contact.
 
@@ -385,6 +385,9 @@ class Scene(_ContactSystem):
         (no friction), one (in the plane) or two (in space): expressions whose rates are the sliding velocity, or which are
         its components, linear in the velocities. `mu` and `e` are friction and restitution, numbers or expressions; `mu_s` is
         the coefficient by which it sticks, where that is larger than `mu`. With friction, gap and tangents are lengths.
+
+        `separation` is an expression that the gap is never less than, as the distance of spheres around two bodies. Contacts with the
+        same one are not looked at while it is positive: for scenes with very many contacts. Nothing checks that it is right.
         """
         if not isinstance(name, str) or not name:
             raise ArgumentError(f"the name of a contact must be a text, not {name!r:.40}")
@@ -392,6 +395,7 @@ class Scene(_ContactSystem):
         all = [self.graph.of(t) for t in listed]
         numbers = [self._one(value, f"{what} of contact {name}") for what, value in (("gap", gap), ("mu", mu), ("e", e))]
         sticks = None if mu_s is None else self._one(mu_s, f"mu_s of contact {name}")
+        far = None if separation is None else self._one(separation, f"separation of contact {name}")
         # friction that nothing slides along would be ignored
         if not all and (isinstance(mu, Expr) or number(mu, "mu") > 0.0):
             raise ArgumentError(f"contact {name} has friction and no tangents: give one in the plane, two in space")
@@ -402,6 +406,8 @@ class Scene(_ContactSystem):
         made = self._add(name, self.graph.of(gap), all, numbers[1], numbers[2])
         if sticks is not None:
             self._made._do("set_stiction", self.graph, len(self.contacts) - 1, sticks)
+        if far is not None:
+            self._made._do("set_separation", self.graph, len(self.contacts) - 1, far)
         return made
 
     def _one(self, value: Any, what: str) -> int:

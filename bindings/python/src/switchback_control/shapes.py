@@ -145,6 +145,14 @@ class Shape:
         return [spot("", [0.0, 0.0, 0.0])]
 
     @property
+    def _reach(self) -> float:
+        """Radius of a ball around its centre that holds it."""
+        if self.kind == "ellipsoid":
+            return max(self.size)
+        half = self._half or (0.0,)
+        return math.hypot(*half[: 2 if self.kind == "cylinder" else 3]) + self.radius
+
+    @property
     def _half(self) -> tuple[float, ...] | None:
         """Half widths of a box, capsule, cylinder or ellipsoid without its radius; none of balls and points."""
         if self.kind == "box":
@@ -262,6 +270,14 @@ class Body:
     turns: bool | None = None
     shapes: tuple[Shape, ...] = ()
     power: tuple[float, float] | None = None
+
+    @property
+    def _reach(self) -> float:
+        """Radius of a ball around its centre of mass that holds it."""
+        if self.shapes:
+            return max(math.dist(s.at, (0.0, 0.0, 0.0)) + s._reach for s in self.shapes)
+        half = self.size if self.shape in ("ellipse", "superellipse") else self._half or (0.0, 0.0)
+        return (max(half) if self.shape == "ellipse" else math.hypot(*half)) + self.radius
 
     @property
     def _power(self) -> _Power | None:
