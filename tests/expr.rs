@@ -202,7 +202,9 @@ fn generated_c_solves_inner_problems() {
         let once = root(&mut d, product);
         let w = d.unknowns(2);
         let inside = root(&mut d, w[0]);
-        let squares = [inside, w[1]].map(|v| d.powi(v, 2));
+        let mut squares = [inside, w[1]].map(|v| d.powi(v, 2));
+        let fourth = d.powi(inside, 4);
+        squares[0] = d.add(squares[0], fourth);
         let both = d.mul(w[0], w[1]);
         let tenth = d.constant(0.1);
         let both = d.mul(tenth, both);

@@ -240,7 +240,11 @@ impl SavedMechanics {
                     gap: function(l.gap)?,
                     separation: match l.separation {
                         Some(k) => Some(bounds.get(k).cloned().ok_or_else(|| {
-                            Error::Range(format!("lower bound {k} of the gap of {}: there are {}", c.name, bounds.len()))
+                            Error::Range(format!(
+                                "lower bound {k} of the gap of {}: there are {}",
+                                c.name,
+                                bounds.len()
+                            ))
                         })?),
                         None => None,
                     },

@@ -58,7 +58,10 @@ pub(super) fn value(f: &Implicit, name: &str) -> String {
         ("root", format!("{name}_residual"))
     };
     let (first, last) = match f.is_least() {
-        true => (1, format!("    if (code == 0)\n        code = swb_code_finite({name}_least(0.0, w, 0, x, out), 1, out);\n")),
+        true => (
+            1,
+            format!("    if (code == 0)\n        code = swb_code_finite({name}_least(0.0, w, 0, x, out), 1, out);\n"),
+        ),
         false => (0, String::new()),
     };
     format!(

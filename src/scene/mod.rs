@@ -928,7 +928,8 @@ impl Builder<'_> {
             Some(f) => f,
             None => {
                 let outputs = self.dag.renumber(&[id], &place);
-                let f: SharedFunction = Arc::new(ExprFunction::first_order("lower bound of gaps", self.dag, dims, &outputs)?);
+                let f: SharedFunction =
+                    Arc::new(ExprFunction::first_order("lower bound of gaps", self.dag, dims, &outputs)?);
                 key.into_iter().for_each(|k| drop(self.distances.insert(k, f.clone())));
                 f
             }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::Scene;
-use crate::system::{ImpactLaw, Inertia, Kind, Mechanics};
+use crate::system::{ImpactLaw, Inertia, Kind, Mechanics, Separation};
 
 /// A contact that the simulation has.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -22,6 +22,16 @@ pub struct ContactReport {
     pub unknowns: usize,
     /// Unknowns of inner problems that are solved where the gap is evaluated.
     pub inner: usize,
+    /// Number of the lower bound of its gap. Contacts with the same one are not looked at while that is positive.
+    pub group: Option<usize>,
+}
+
+impl ContactReport {
+    /// Is all but numbers and names the same, of contacts that share a lower bound?
+    fn is_like(&self, other: &ContactReport) -> bool {
+        let (name, contact) = (other.name.clone(), other.contact);
+        self.group.is_some() && *other == ContactReport { name, contact, ..self.clone() }
+    }
 }
 
 /// A contact that cannot close.
@@ -65,8 +75,10 @@ impl Report {
         };
         // switches are no parts that were added: they are numbered behind these
         let numbers = kept.iter().copied().chain(s.n_contacts()..);
-        let contact = |(contact, c): (usize, &crate::system::Contact)| ContactReport {
+        let (groups, _) = Separation::groups(m.contacts.iter().map(|c| c.local.as_ref()));
+        let contact = |(contact, (c, group)): (usize, (&crate::system::Contact, Option<usize>))| ContactReport {
             contact,
+            group,
             name: c.name.clone(),
             n_tangents: c.n_tangents,
             kind: c.kind,
@@ -86,7 +98,7 @@ impl Report {
             n_states: s.n_states(),
             inertia: inertia.into(),
             law: m.law,
-            contacts: numbers.zip(&m.contacts).map(contact).collect(),
+            contacts: numbers.zip(m.contacts.iter().zip(groups)).map(contact).collect(),
             dropped,
             transitions: Vec::new(),
         }
@@ -104,7 +116,8 @@ impl fmt::Display for Report {
         if self.contacts.is_empty() {
             writeln!(f, "no contacts: a smooth model")?;
         }
-        for c in &self.contacts {
+        for alike in self.contacts.chunk_by(ContactReport::is_like) {
+            let (c, last) = (&alike[0], &alike[alike.len() - 1]);
             let [open, slips, sticks] = c.watched;
             match c.kind {
                 Kind::Unilateral => {}
@@ -135,10 +148,14 @@ impl fmt::Display for Report {
                 0 => String::new(),
                 n => format!("; its gap solves for {n} unknowns"),
             };
+            let (name, each) = match alike.len() {
+                1 => (format!("contact {}", c.name), ""),
+                n => (format!("{n} contacts from {} to {}", c.name, last.name), "each "),
+            };
+            let far = c.group.map_or("", |_| "; not looked at while a lower bound of the gap is positive");
             writeln!(
                 f,
-                "contact {}: {friction}; watched while open {open}, sliding {slips}, sticking {sticks}; {} while closed{inner}",
-                c.name,
+                "{name}: {each}{friction}; watched while open {open}, sliding {slips}, sticking {sticks}; {} while closed{inner}{far}",
                 one(c.unknowns)
             )?;
         }
@@ -164,6 +181,7 @@ impl Report {
             };
             serde_json::json!({
                 "contact": c.contact, "name": c.name, "kind": kind, "tangents": c.n_tangents, "unknowns": c.unknowns, "inner_unknowns": c.inner,
+                "group": c.group,
                 "watched": {"open": c.watched[0], "sliding": c.watched[1], "sticking": c.watched[2]},
             })
         };

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq, minimize
 
 import switchback_control as swb
-from switchback_control import _gaps
+from switchback_control import _gaps, _world_scene
 from switchback_control.expr import Graph, implicit, inner_minimum, norm, signed_distance, sqrt
 
 TIGHT = {"rtol": 1e-10, "atol": 1e-11}
@@ -540,6 +540,59 @@ def test_reports_say_what_gaps_solve_for():
     w.contacts((a, b), (a, w.floor()))
     assert [c["inner_unknowns"] for c in w.scene.report_data()["contacts"]] == [2, 0]
     assert "its gap solves for 2 unknowns" in w.scene.report()
+
+
+def test_pairs_that_are_far_apart_are_not_evaluated(monkeypatch):
+    """Boxes, eggs and cylinders on a floor, far from each other but for two: the same motion as without bounds, to the last bit."""
+
+    def run(spheres):
+        if not spheres:
+            monkeypatch.setattr(_world_scene, "separation_of", lambda *_: None)
+        w = swb.World(space=True, mu=0.5)
+        w.floor()
+        kinds = ["box", "cylinder", "ellipsoid", "box"]
+        places = [(0.0, 0.0), (20.0, 0.0), (0.0, 20.0), (1.2, 0.1)]
+        for k, (kind, (x, y)) in enumerate(zip(kinds, places)):
+            w.place(solid(w, kind), x, y, z=0.8, turn=[0.1 * k, 0.2, 0.3], vx=-1.0 if k == 3 else 0.0)
+        return w, w.scene.simulate_steps(*w.start(), 0.4, 1e-3)
+
+    (w, one), (_, other) = run(True), run(False)
+    assert np.array_equal(one.x, other.x)
+    # those of four bodies with the floor, and of the pair that is near
+    assert one.stats.gaps / one.stats.steps < 36 + 160 and one.stats.bounds < 0.5 * other.stats.bounds
+    report = w.scene.report_data()["contacts"]
+    assert len({c["group"] for c in report} - {None}) == 3 + 6  # three bodies with the floor that have several contacts, and six pairs
+    assert "160 contacts from box lower front left-box 2 side to box z++ edge-box 2 z++ edge: each friction in space" in w.scene.report()
+    again = swb.Scene.from_json(w.scene.to_json()).simulate_steps(*w.start(), 0.4, 1e-3)
+    assert np.array_equal(one.x, again.x) and again.stats.gaps == one.stats.gaps
+
+
+def test_pairs_that_are_far_apart_are_not_evaluated_by_events(monkeypatch):
+    runs = []
+    for spheres in (True, False):
+        if not spheres:
+            monkeypatch.setattr(_world_scene, "separation_of", lambda *_: None)
+        w = swb.World(gravity=1.0, e=0.5)
+        w.floor()
+        for k in range(5):
+            w.place(w.box(0.5, 0.3, mass=1.0, rounding=0.02), x=0.7 * k, y=0.5 + 0.2 * k, angle=0.3 * k, vx=-0.1 * k)
+        runs.append(w.simulate(1.5))
+    assert len(runs[0].impacts) > 3
+    assert [i.name for i in runs[0].impacts] == [i.name for i in runs[1].impacts]
+    assert runs[0].x[-1] == pytest.approx(runs[1].x[-1], abs=1e-12)
+
+
+def test_a_separation_that_is_none():
+    for given, error, words in (
+        (lambda s: s.v[0], swb.RangeError, "depends on velocities"),
+        (lambda s: "x", swb.ArgumentError, "separation of contact"),
+        (lambda s: s.q, swb.DimensionError, "array"),
+    ):
+        s = swb.Scene("x", "v")
+        s.force([-1.0])
+        with pytest.raises(error, match=words):
+            s.contact("floor", s.q[0], separation=given(s))
+            s.system()
 
 
 def test_documents_hold_shapes():

@@ -155,7 +155,8 @@ impl Near {
         let used = LONGER * self.used(s.h);
         self.groups.iter_mut().for_each(|g| g.asked = false);
         for i in 0..self.due.len() {
-            let far = |n: &mut Near| n.due[i] >= n.clock + used || n.is_apart(at, i, used) || n.stays_open(m, at, i, used);
+            let far =
+                |n: &mut Near| n.due[i] >= n.clock + used || n.is_apart(at, i, used) || n.stays_open(m, at, i, used);
             self.near[i] = !open(i) || !far(self);
         }
         true
