@@ -282,28 +282,50 @@ def separation_of(pair: _Pair, touches: list[_Touch], s: States) -> Any:
 
 
 def expressions_of(touches: list[_Touch], s: States) -> list[tuple[Any, list[Any]]]:
-    """Gaps and sliding velocities. Corners and cores of one form in the plane are written together, as arrays: there may be very many."""
+    """Gaps and sliding velocities. Corners, edges and cores of one form are written together, as arrays, in space those of one pair: there may
+    be very many."""
     out: list[Any] = [None] * len(touches)
     alike: dict[Any, list[int]] = {}
     for k, touch in enumerate(touches):
-        if isinstance(touch.other, _Core) and len(touch.spot.at) == 2:
-            a, b, core = s[touch.a], s[touch.b], touch.other
-            form = core.half, core.radius, core.side, touch.spot.radius, str((touch.spot.squares, touch.spot.power)), a.angle is None, b.angle is None
-            alike.setdefault(form, []).append(k)
-        else:
+        form = _form_of(touch, s)
+        if form is None:
             gap, _, sliding, _ = touch.geometry(s)
             out[k] = gap, sliding
+        else:
+            alike.setdefault(form, []).append(k)
     for places in alike.values():
         group = [touches[k] for k in places]
-        first, core = group[0], group[0].other
-        assert isinstance(core, _Core)
-        at, middle = (tuple(numpy.array([i.at for i in parts]).T) for parts in ([t.spot for t in group], [t.other for t in group]))
-        many = replace(first, spot=replace(first.spot, at=at), other=replace(core, at=middle))
-        bodies = [_side_by_side([s[body] for body in those]) for those in ([t.a for t in group], [t.b for t in group])]
+        first, ends = group[0], [[t.spot for t in group], [t.other for t in group]]
+        many = replace(first, spot=_many(ends[0]), other=_many(ends[1]))
+        if first.a.shapes:
+            bodies = [s[first.a], s[first.b]]
+        else:
+            bodies = [_side_by_side([s[body] for body in those]) for those in ([t.a for t in group], [t.b for t in group])]
         gap, _, sliding, _ = many.measure(*bodies)
         for k, place in enumerate(places):
             out[place] = gap[k], [v[k] for v in sliding]
     return out
+
+
+def _form_of(touch: _Touch, s: States) -> Any:
+    """What contacts that are written together have in common; none of one that is written alone."""
+    spot, other = touch.spot, touch.other
+    if isinstance(spot, _Edge) and isinstance(other, _Edge):
+        return touch.a.name, touch.b.name, spot.half, spot.radius, other.half, other.radius
+    if not isinstance(other, _Core) or not isinstance(spot, _Spot):
+        return None
+    form = other.half, other.radius, other.side, spot.radius, str((spot.squares, spot.power))
+    if touch.a.shapes:
+        return touch.a.name, touch.b.name, str(other), form
+    return *form, s[touch.a].angle is None, s[touch.b].angle is None
+
+
+def _many(parts: list[Any]) -> Any:
+    """Parts of one form as one with arrays for places and directions."""
+    arrays = {"at": tuple(numpy.array([p.at for p in parts]).T)}
+    if isinstance(parts[0], _Edge):
+        arrays["along"] = tuple(numpy.array([p.along for p in parts]).T)
+    return replace(parts[0], **arrays)
 
 
 def _side_by_side(bodies: list[BodyState]) -> BodyState:
