@@ -303,6 +303,43 @@ fn generated_c_of_inner_problems_agrees_at_random_points() {
     assert!(solved > 150, "{solved}");
 }
 
+#[test]
+fn least_values_of_costs_that_are_nearly_flat_or_bend_at_once() {
+    let g = Graph::new();
+    let [offset, end] = [g.x(0), g.x(1)].map(|e| e.id());
+    let f = {
+        let mut d = g.dag();
+        let w = d.unknowns(1);
+        // (w - nearest point of [-h, h])^2 + 1e-9 (w - 1)^2 + offset, with h = end: flat inside, and least just behind the end
+        let clamp = Piecewise::lines(&[-1.0, 1.0], &[-1.0, 1.0]).unwrap();
+        let share = d.div(w[0], end);
+        let inside = d.piecewise(&clamp, share);
+        let inside = d.mul(end, inside);
+        let away = d.sub(w[0], inside);
+        let one = d.constant(1.0);
+        let off = d.sub(w[0], one);
+        let squares = [away, off].map(|v| d.powi(v, 2));
+        let weight = d.constant(1e-9);
+        let tiny = d.mul(weight, squares[1]);
+        let cost = d.add(squares[0], tiny);
+        let cost = d.add(cost, offset);
+        let start = d.constant(-0.3);
+        let (least, at) = d.inner_minimum(cost, &w, &[start]).unwrap();
+        ExprFunction::new("f", &mut d, DIMS, &[least, at[0]]).unwrap()
+    };
+    let mut work = vec![0.0; f.work_len()];
+    for k in 0..200 {
+        let (offset, h) = (10.0_f64.powi(k % 8 - 3), 0.05 + 0.004 * f64::from(k));
+        let mut out = [0.0; 2];
+        f.value(&Point { t: 0.0, x: &[offset, h, 0.0], u: &[0.0], p: &[0.0] }, &mut out, &mut work).unwrap();
+        let exact = if h < 1.0 { (h + 1e-9) / (1.0 + 1e-9) } else { 1.0 };
+        let value = (exact - h).max(0.0).powi(2) + 1e-9 * (exact - 1.0) * (exact - 1.0) + offset;
+        assert!((out[0] - value).abs() <= 1e-13 * offset + 1e-13, "{h}: {} {value}", out[0]);
+        // by the value its place is known to the root of rounding
+        assert!(out[1] <= exact + 1e-6 * (1.0 + offset.sqrt()), "{h}: {} {exact}", out[1]);
+    }
+}
+
 /// Compiles the code with the strictest flags, runs it and compares; `definitions` of functions go before it.
 fn assert_generated_c(f: &ExprFunction, folder: &str, definitions: &str) {
     let dir = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder);

@@ -113,6 +113,7 @@ fn table(n: usize, o: &Options) -> Stepper {
             coordinates: touched.clone(),
             velocities: touched,
             others: Vec::new(),
+            separation: None,
             gap: f[0].clone(),
             rows: f[1].clone(),
         }),
