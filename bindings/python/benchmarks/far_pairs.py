@@ -14,7 +14,7 @@ import switchback_control as swb
 from switchback_control import _world_scene
 
 
-def fallen(count: int) -> tuple[int, float, swb.StepRun, float]:
+def fallen(count: int) -> tuple[int, float, swb.Steps, float]:
     """Contacts, seconds to build, the steps, and seconds for one."""
     rng = np.random.default_rng(0)
     w = swb.World(space=True, mu=0.5)
