@@ -1,7 +1,7 @@
 //! Expressions as a [`Function`].
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::bundle::Program;
 use super::dag::{Block, Dag, Id, Node};
@@ -30,16 +30,68 @@ pub struct ExprFunction {
     name: String,
     dims: Dims,
     value: Tape,
-    jacobian: Tape,
-    hessian: Tape,
-    jac_pattern: Pattern,
-    hess_pattern: Pattern,
+    derivatives: OnceLock<Derivatives>,
     approximate: [bool; 2],
     parts: Vec<Part>,
     source: Arc<Result<SavedGraph>>,
     part_len: usize,
-    /// There are no second derivatives.
-    first_order: bool,
+    order: Derived,
+}
+
+/// Which derivatives a function has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Derived {
+    None,
+    First,
+    Second,
+}
+
+/// Programs and patterns of derivatives.
+#[derive(Clone)]
+struct Derivatives {
+    jacobian: Tape,
+    hessian: Tape,
+    jac_pattern: Pattern,
+    hess_pattern: Pattern,
+}
+
+impl Derivatives {
+    /// Those that are not there: all entries of the Jacobian are no numbers, so that whoever evaluates it is told.
+    fn undefined(dims: Dims, n_out: usize) -> Derivatives {
+        Derivatives {
+            jacobian: Tape::undefined(dims, n_out * dims.n_in()),
+            hessian: Tape::undefined(dims, 0),
+            jac_pattern: Pattern::dense(n_out, dims.n_in()),
+            hess_pattern: Pattern::empty(dims.n_in(), dims.n_in()),
+        }
+    }
+
+    /// Of outputs in a graph, which grows.
+    fn new(dag: &mut Dag, dims: Dims, outputs: &[Id], order: Derived) -> Result<Derivatives> {
+        if order == Derived::None {
+            return Ok(Derivatives::undefined(dims, outputs.len()));
+        }
+        let (columns, wrt) = inputs_of(dag, dims, outputs);
+        let weights = dag.inputs(Block::Weight, outputs.len());
+        let mut jac = dag.jacobian(outputs, &wrt)?;
+        let mut hess = if order == Derived::Second { dag.hessian(outputs, &weights, &wrt)? } else { Vec::new() };
+        jac.iter_mut().for_each(|e| e.col = columns[e.col]);
+        hess.iter_mut().for_each(|e| (e.row, e.col) = (columns[e.row], columns[e.col]));
+        let tape = |dag: &Dag, n_weights: usize, entries: &[super::diff::Entry]| {
+            let ids: Vec<Id> = entries.iter().map(|e| e.value).collect();
+            Tape::new(dag, dims, n_weights, &ids)
+        };
+        let pattern = |n_rows: usize, entries: &[super::diff::Entry]| {
+            let (rows, cols): (Vec<usize>, Vec<usize>) = entries.iter().map(|e| (e.row, e.col)).unzip();
+            Pattern::from_triplets(n_rows, dims.n_in(), &rows, &cols).0
+        };
+        Ok(Derivatives {
+            jacobian: tape(dag, 0, &jac)?,
+            hessian: tape(dag, outputs.len(), &hess)?,
+            jac_pattern: pattern(outputs.len(), &jac),
+            hess_pattern: pattern(dims.n_in(), &hess),
+        })
+    }
 }
 
 /// Outputs that can be evaluated alone.
@@ -61,54 +113,61 @@ impl ExprFunction {
         if dag.has_floor(outputs) {
             return Err(no_floor(name));
         }
-        ExprFunction::with_order(name, dag, dims, outputs, true)
+        ExprFunction::with_order(name, dag, dims, outputs, Derived::Second)
     }
 
     /// One that may jump, see [`Dag::function_at_events`].
     pub(super) fn with_jumps(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<ExprFunction> {
-        ExprFunction::with_order(name, dag, dims, outputs, true)
+        ExprFunction::with_order(name, dag, dims, outputs, Derived::Second)
+    }
+
+    /// Makes a function of values alone, for those who never ask for derivatives: these are no numbers.
+    pub fn values(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<ExprFunction> {
+        if dag.has_floor(outputs) {
+            return Err(no_floor(name));
+        }
+        ExprFunction::with_order(name, dag, dims, outputs, Derived::None)
     }
 
     /// Makes a function without second derivatives, for those who never ask for them: [`Function::hess_pattern`] is empty and
-    /// [`Function::hessian`] fails.
+    /// [`Function::hessian`] fails. The first ones are made when somebody asks for them, or for the workspace that they need.
     pub fn first_order(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<ExprFunction> {
         if dag.has_floor(outputs) {
             return Err(no_floor(name));
         }
-        ExprFunction::with_order(name, dag, dims, outputs, false)
+        ExprFunction::with_order(name, dag, dims, outputs, Derived::First)
     }
 
-    fn with_order(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id], second: bool) -> Result<ExprFunction> {
+    fn with_order(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id], order: Derived) -> Result<ExprFunction> {
         let named = |e: Error| in_function(name, e);
         let value = Tape::new(dag, dims, 0, outputs).map_err(named)?;
-        let (columns, wrt) = inputs_of(dag, dims, outputs);
-        let weights = dag.inputs(Block::Weight, outputs.len());
-        let mut jac = dag.jacobian(outputs, &wrt).map_err(named)?;
-        let mut hess = if second { dag.hessian(outputs, &weights, &wrt).map_err(named)? } else { Vec::new() };
-        jac.iter_mut().for_each(|e| e.col = columns[e.col]);
-        hess.iter_mut().for_each(|e| (e.row, e.col) = (columns[e.row], columns[e.col]));
-        let tape = |dag: &Dag, n_weights: usize, entries: &[super::diff::Entry]| {
-            let ids: Vec<Id> = entries.iter().map(|e| e.value).collect();
-            Tape::new(dag, dims, n_weights, &ids).map_err(named)
-        };
-        let pattern = |n_rows: usize, entries: &[super::diff::Entry]| {
-            let (rows, cols): (Vec<usize>, Vec<usize>) = entries.iter().map(|e| (e.row, e.col)).unzip();
-            Pattern::from_triplets(n_rows, dims.n_in(), &rows, &cols).0
-        };
-        let approximate = value.approximate_derivatives();
-        Ok(ExprFunction {
+        let f = ExprFunction {
             parts: Vec::new(),
             source: Arc::new(SavedGraph::new(dag, outputs)),
             part_len: 0,
             name: name.to_owned(),
             dims,
-            jacobian: tape(dag, 0, &jac)?,
-            hessian: tape(dag, outputs.len(), &hess)?,
-            jac_pattern: pattern(outputs.len(), &jac),
-            hess_pattern: pattern(dims.n_in(), &hess),
+            derivatives: OnceLock::new(),
+            approximate: value.approximate_derivatives(),
             value,
-            approximate,
-            first_order: !second,
+            order,
+        };
+        // copies of expressions do not know what they call
+        let later = order == Derived::First && f.source.is_ok() && f.value.functions().next().is_none();
+        if !later {
+            let made = Derivatives::new(dag, dims, outputs, order).map_err(named)?;
+            let _ = f.derivatives.set(made);
+        }
+        Ok(f)
+    }
+
+    /// Programs and patterns of derivatives. Those that are made later, of the saved expressions, are no numbers where they cannot be made.
+    fn derivatives(&self) -> &Derivatives {
+        self.derivatives.get_or_init(|| {
+            let mut dag = Dag::new();
+            let outputs = self.source().and_then(|s| s.restore(&mut dag, &[]));
+            let made = outputs.and_then(|outputs| Derivatives::new(&mut dag, self.dims, &outputs, self.order));
+            made.unwrap_or_else(|_| Derivatives::undefined(self.dims, self.value.n_out()))
         })
     }
 
@@ -123,10 +182,11 @@ impl ExprFunction {
             let mut entries = dag.jacobian(part, &wrt)?;
             entries.iter_mut().for_each(|e| e.col = columns[e.col]);
             let ids: Vec<Id> = entries.iter().map(|e| e.value).collect();
-            let place = |e: &super::diff::Entry| f.jac_pattern.get(rows.start + e.row, e.col).map(|p| p as u32);
+            let jac_pattern = &f.derivatives().jac_pattern;
+            let place = |e: &super::diff::Entry| jac_pattern.get(rows.start + e.row, e.col).map(|p| p as u32);
             // The sweep for the part alone may see zeros the whole did not, or the other way round.
             let places: Option<Vec<u32>> = entries.iter().map(place).collect();
-            let n_known = f.jac_pattern.row_idx().iter().filter(|r| rows.contains(r)).count();
+            let n_known = jac_pattern.row_idx().iter().filter(|r| rows.contains(r)).count();
             match places {
                 Some(places) if places.len() == n_known => {
                     let jacobian = Tape::new(dag, dims, 0, &ids)?;
@@ -188,17 +248,17 @@ impl ExprFunction {
 
     /// Was it made without second derivatives?
     pub fn is_first_order(&self) -> bool {
-        self.first_order
+        self.order != Derived::Second
     }
 
     /// Depends on no input.
     pub fn is_constant(&self) -> bool {
-        self.jac_pattern.nnz() == 0
+        self.derivatives().jac_pattern.nnz() == 0
     }
 
     /// Has no second derivatives.
     pub fn is_affine(&self) -> bool {
-        self.hess_pattern.nnz() == 0 && !self.first_order
+        self.derivatives().hess_pattern.nnz() == 0 && !self.is_first_order()
     }
 
     /// Program of the values.
@@ -208,12 +268,12 @@ impl ExprFunction {
 
     /// Program of the Jacobian, entry by entry of the pattern.
     pub fn jacobian_tape(&self) -> &Tape {
-        &self.jacobian
+        &self.derivatives().jacobian
     }
 
     /// Program of the Hessian; its weights are inputs.
     pub fn hessian_tape(&self) -> &Tape {
-        &self.hessian
+        &self.derivatives().hessian
     }
 
     /// Length of the workspace of [`Tape::run_batch`] for all three programs, in units of [`LANES`] numbers.
@@ -268,14 +328,15 @@ impl Function for ExprFunction {
         self.value.n_out()
     }
     fn jac_pattern(&self) -> &Pattern {
-        &self.jac_pattern
+        &self.derivatives().jac_pattern
     }
     fn hess_pattern(&self) -> &Pattern {
-        &self.hess_pattern
+        &self.derivatives().hess_pattern
     }
     fn work_len(&self) -> usize {
         let parts = self.parts.iter().map(|p| p.value.work_len().max(p.jacobian.work_len())).max().unwrap_or(0);
-        parts.max(self.value.work_len()).max(self.jacobian.work_len()).max(self.hessian.work_len())
+        let d = self.derivatives();
+        parts.max(self.value.work_len()).max(d.jacobian.work_len()).max(d.hessian.work_len())
     }
     fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
         let out = &mut out[..self.value.n_out()];
@@ -283,7 +344,8 @@ impl Function for ExprFunction {
         self.checked("value", at, r, out, 0)
     }
     fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        let r = self.jacobian.run(at, &[], &mut out[..self.jacobian.n_out()], work);
+        let jacobian = &self.derivatives().jacobian;
+        let r = jacobian.run(at, &[], &mut out[..jacobian.n_out()], work);
         self.checked("Jacobian", at, r, &[], 0)
     }
     fn value_rows(&self, at: &Point, rows: Range<usize>, out: &mut [f64], work: &mut [f64]) -> EvalResult {
@@ -305,17 +367,18 @@ impl Function for ExprFunction {
     ) -> Option<EvalResult> {
         let (tape, places) = match self.part(&rows) {
             Some(p) => (&p.jacobian, Some(&p.places[..])),
-            None => (&self.jacobian, None),
+            None => (&self.derivatives().jacobian, None),
         };
         // calls of other functions are points one after the other anyway, and what they complain about has to be noted
         let alone = tape.functions().next().is_some();
         (!alone).then(|| tape.run_points(inputs, out, places, work))
     }
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        if self.first_order {
+        if self.is_first_order() {
             return Err(EvalError::Recoverable);
         }
-        let r = self.hessian.run(at, weights, &mut out[..self.hessian.n_out()], work);
+        let hessian = &self.derivatives().hessian;
+        let r = hessian.run(at, weights, &mut out[..hessian.n_out()], work);
         self.checked("Hessian", at, r, &[], 0)
     }
     fn bounds(&self, low: &Point, high: &Point, out_low: &mut [f64], out_high: &mut [f64], work: &mut [f64]) -> bool {
@@ -323,7 +386,7 @@ impl Function for ExprFunction {
         true
     }
     fn hessian_is_constant(&self) -> bool {
-        !self.first_order && self.hessian.reads_parameters_only()
+        !self.is_first_order() && self.derivatives().hessian.reads_parameters_only()
     }
     fn as_any(&self) -> Option<&dyn std::any::Any> {
         Some(self)

@@ -142,6 +142,24 @@ impl Tape {
         Compiler::new(dag, dims, n_weights).run(outputs)
     }
 
+    /// A program whose results are defined nowhere.
+    pub(super) fn undefined(dims: Dims, n_out: usize) -> Tape {
+        Tape {
+            dims,
+            n_weights: 0,
+            loads: Vec::new(),
+            constants: vec![f64::NAN],
+            immediates: Vec::new(),
+            code: Vec::new(),
+            sums: None,
+            compounds: Vec::new(),
+            piecewise: Vec::new(),
+            outputs: vec![0; n_out],
+            fixed: None,
+            n_slots: 1,
+        }
+    }
+
     /// Number of results.
     pub fn n_out(&self) -> usize {
         self.outputs.len()

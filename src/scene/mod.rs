@@ -929,7 +929,7 @@ impl Builder<'_> {
             None => {
                 let outputs = self.dag.renumber(&[id], &place);
                 let f: SharedFunction =
-                    Arc::new(ExprFunction::first_order("lower bound of gaps", self.dag, dims, &outputs)?);
+                    Arc::new(ExprFunction::values("lower bound of gaps", self.dag, dims, &outputs)?);
                 key.into_iter().for_each(|k| drop(self.distances.insert(k, f.clone())));
                 f
             }

@@ -71,6 +71,10 @@ impl Frame<'_> {
         all.iter().any(|&n| matches!(self.dag.node(n), Node::Input(Block::X, i) if i as usize >= from))
     }
 
+    fn values(&mut self, name: &str, dims: Dims, outputs: &[Id]) -> Result<SharedFunction> {
+        Ok(Arc::new(ExprFunction::values(name, self.dag, dims, outputs)?))
+    }
+
     fn function(&mut self, name: &str, dims: Dims, outputs: &[Id]) -> Result<SharedFunction> {
         Ok(Arc::new(ExprFunction::first_order(name, self.dag, dims, outputs)?))
     }
@@ -141,8 +145,8 @@ impl Frame<'_> {
         };
         let (gap, rows) = (self.dag.renumber(&[gap], &place), self.dag.renumber(&rows, &place));
         let dims = Dims { x: touched.len(), ..dims };
-        let gap = self.function(&format!("gap of {name} and contacts alike"), dims, &gap)?;
-        let rows = self.function(&format!("normal and tangents of {name} and contacts alike"), dims, &rows)?;
+        let gap = self.values(&format!("gap of {name} and contacts alike"), dims, &gap)?;
+        let rows = self.values(&format!("normal and tangents of {name} and contacts alike"), dims, &rows)?;
         let coordinates = touched.iter().copied().filter(|i| *i < n_q).collect();
         let others = touched.iter().filter_map(|i| i.checked_sub(n_q + n_v)).collect();
         Ok(Local { coordinates, velocities, others, gap, separation: None, rows })
