@@ -115,15 +115,17 @@ impl Stepper {
                 .map(|i| self.x[i])
                 .collect();
             let at = Point { t: self.t, x: &own, u: &self.u, p: &self.p };
-            let mut slopes = vec![0.0; l.gap.jac_pattern().nnz()];
-            let mut work = vec![0.0; l.gap.work_len().max(l.rows.work_len())];
+            // what is local has no derivatives: hardly any contact is closed at the start
+            let (whole, p) = (Point { x: &self.x, ..at }, contact.gap.jac_pattern());
+            let mut slopes = vec![0.0; p.nnz()];
+            let mut work = vec![0.0; contact.gap.work_len().max(l.rows.work_len())];
             let mut rows = vec![0.0; l.rows.n_out()];
             let name = &contact.name;
-            l.gap.jacobian(&at, &mut slopes, &mut work).map_err(|e| failed(e, &format!("gap of {name}"), self.t))?;
+            let gap_failed = |e| failed(e, &format!("gap of {name}"), self.t);
+            contact.gap.jacobian(&whole, &mut slopes, &mut work).map_err(gap_failed)?;
             l.rows.value(&at, &mut rows, &mut work).map_err(|e| failed(e, &format!("normal of {name}"), self.t))?;
-            let p = l.gap.jac_pattern();
-            let size: f64 =
-                (0..l.coordinates.len()).map(|j| p.range(j).map(|k| (slopes[k] * own[j]).abs()).sum::<f64>()).sum();
+            let slope = |j: usize| p.range(j).filter(|&k| p.row_idx()[k] == 0).map(|k| slopes[k]).sum::<f64>();
+            let size: f64 = l.coordinates.iter().map(|&j| (slope(j) * self.x[j]).abs()).sum();
             let move_ = |(n, &j): (&f64, &usize)| n.abs() * (self.x[m.n_q + j].abs() + h * self.free[j].abs());
             let motion: f64 = rows[3..].iter().zip(&l.velocities).map(move_).sum();
             let allowed = START * size + 2.0 * h * motion;
