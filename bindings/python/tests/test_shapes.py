@@ -506,6 +506,24 @@ def test_elastic_bodies_in_space_keep_momentum_and_energy(kinds):
     assert after == pytest.approx(before, abs=1e-8)
 
 
+def test_cylinders_rest_on_each_other():
+    """One on a box and one on that, upright, and three logs, two between walls and one on both, parallel to each other."""
+    w = swb.World(space=True, mu=0.6)
+    w.floor()
+    low, can, top = w.box(1.0, 0.4, mass=3.0, depth=1.0, rounding=0.02), w.cylinder(0.5, 0.2, mass=1.0, rounding=0.02), w.cylinder(0.4, 0.15, mass=0.5, rounding=0.02)
+    w.place(low, z=0.2)
+    w.place(can, 0.1, 0.05, z=0.66, turn=[0, -np.pi / 2, 0])
+    w.place(top, 0.12, 0.05, z=1.12, turn=[0, -np.pi / 2, 0])
+    end = w.scene.simulate_steps(*w.start(), 1.5, 1e-3).x[-1]
+    assert end[[2, 9, 16]] == pytest.approx([0.2, 0.65, 1.1], abs=1e-4) and np.abs(end[w.scene.n_q :]).max() < 1e-6
+    w = swb.World(space=True, mu=0.6)
+    w.floor(), w.wall(-0.405), w.wall(0.405, free="left")
+    for x, z in ((-0.2, 0.2), (0.2, 0.2), (0.0, 0.2 + 0.2 * np.sqrt(3.0))):
+        w.place(w.cylinder(1.0, 0.2, mass=1.0, rounding=0.02), x, z=z + 0.003, turn=[0, 0, np.pi / 2])
+    end = w.scene.simulate_steps(*w.start(), 2.0, 1e-3).x[-1]
+    assert end[16] == pytest.approx(0.2 + 0.2 * np.sqrt(3.0), abs=3e-3) and np.abs(end[w.scene.n_q :]).max() < 1e-5
+
+
 def _all_in_space(w, run, t):
     p, turning, energy = np.zeros(3), np.zeros(3), 0.0
     for b in w.bodies:
