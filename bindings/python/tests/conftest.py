@@ -5,6 +5,9 @@ import sys
 import pytest
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+# tests that call make read what it prints, which a make around the tests would add to
+for name in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL"):
+    os.environ.pop(name, None)
 sys.path.insert(0, os.path.dirname(__file__))
 
 
