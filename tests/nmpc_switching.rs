@@ -105,3 +105,43 @@ fn what_is_not_known_is_said() {
     assert!(refused(options(Scheme::Mli, 1)).contains("that switch"));
     assert!(refused(Options { hysteresis: 1.0, ..Options::default() }).contains("hysteresis"));
 }
+
+/// What a callback sees besides its arguments may change: stages that it is part of are simulated at every preparation.
+#[test]
+fn callbacks_are_asked_again() {
+    use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+    use std::sync::Arc;
+    use switchback::expr::Graph;
+    use switchback::func::{Callback, Dims, Point};
+    use switchback::ocp::{CostAt, Ocp};
+    use switchback::settings::Settings;
+    use switchback::system::{Regions, Subsystem, System};
+    let gain = Arc::new(AtomicU64::new(1.0f64.to_bits()));
+    let (g, dims, seen) = (Graph::new(), Dims { x: 1, u: 1, p: 0 }, gain.clone());
+    let f = Callback::new("f", dims, 1, move |at: &Point, out: &mut [f64]| {
+        out[0] = f64::from_bits(seen.load(Relaxed)) * at.u[0];
+        0
+    });
+    let mut system = System::new(1, 1, 0).unwrap();
+    system.set_f0(Arc::new(f)).unwrap();
+    let modes = Arc::new(g.function("friction", dims, &[g.constant(-0.1), g.constant(0.1)]).unwrap());
+    let regions = Regions::Signs { psi: Arc::new(g.function("x", dims, &[g.x(0)]).unwrap()), signs: vec![1, -1] };
+    system.add_subsystem(Subsystem { rows: vec![0], modes, n_modes: 2, regions }).unwrap();
+    let mut ocp = Ocp::new(&system, 0.5, 5, &Settings::default()).unwrap();
+    let all = Arc::new(g.function("all", dims, &[g.x(0) - 2.0, g.u(0)]).unwrap());
+    ocp.add_least_squares(all, &[1.0, 0.1], &[0.0; 2], CostAt::Running).unwrap();
+    ocp.set_u_bounds(&[-5.0], &[5.0]).unwrap();
+    let control = |c: &mut Nmpc| {
+        let mut u = [0.0];
+        for _ in 0..20 {
+            c.prepare(Some(&[1.0])).unwrap();
+            c.feedback(&[1.0], &mut u).unwrap();
+        }
+        u[0]
+    };
+    let mut c = Nmpc::new(&ocp, &options(Scheme::AsRti, 1)).unwrap();
+    let before = control(&mut c);
+    gain.store(2.0f64.to_bits(), Relaxed);
+    let (after, fresh) = (control(&mut c), control(&mut Nmpc::new(&ocp, &options(Scheme::AsRti, 1)).unwrap()));
+    assert!((after - fresh).abs() < 1e-6 && (after - before).abs() > 1e-2, "{before} {after} {fresh}");
+}

@@ -7,6 +7,8 @@ use super::nodes::Nodes;
 use super::stage::{Chain, Evaluations, EventStage, ExplicitRk, ImplicitRk, Stage};
 use super::{Level, Options, Scheme};
 use crate::error::{Error, Result};
+use crate::expr::ExprFunction;
+use crate::func::Function;
 use crate::ocp::{CostAt, Durations, Norm, Ocp, Statement};
 use crate::qp::{Price, StageQp};
 use crate::system::SharedFunction;
@@ -122,8 +124,10 @@ pub(super) fn stage(ocp: &Ocp, options: &Options, n: usize) -> Result<Box<dyn St
         if options.scheme == Scheme::Mli || options.level != Level::D0 {
             return refuse("levels other than D0 for systems that switch: their derivatives change with the modes");
         }
-        // all plans of a preparation, as they begin and as they end
-        let kept = 2 * n * (1 + options.flips);
+        // all plans of a preparation, as they begin and as they end; what callbacks see besides may change from call to call
+        let is_callback = |f: &dyn Function| f.as_any().and_then(|f| f.downcast_ref::<ExprFunction>()).is_none();
+        let callbacks = s.simulated.any_function_or_force(&is_callback);
+        let kept = if callbacks { 0 } else { 2 * n * (1 + options.flips) };
         return Ok(Box::new(EventStage::new(s.simulated, &s.settings.into(), algebraic_guess(&s), kept)?));
     }
     let Some(f) = s.system.f0() else { return refuse("systems without a right-hand side") };

@@ -423,9 +423,13 @@ impl System {
         let sees = |f: &dyn Function| !f.jac_pattern().rows(f.dims().t_col()).is_empty();
         let on_demand = |f: &Arc<dyn Signed>| !f.jac_pattern().rows(f.dims().t_col()).is_empty();
         !self.known_times.is_empty()
-            || self.mechanics.as_ref().is_some_and(|m| m.any_function(&sees))
             || self.on_demand.as_ref().is_some_and(|d| [&d.rhs, &d.psi].into_iter().any(on_demand))
-            || self.any_function(&sees)
+            || self.any_function_or_force(&sees)
+    }
+
+    /// Is something true of one of the functions, those of modes on demand left out?
+    pub(crate) fn any_function_or_force(&self, is: &dyn Fn(&dyn Function) -> bool) -> bool {
+        self.mechanics.as_ref().is_some_and(|m| m.any_function(is)) || self.any_function(is)
     }
 
     /// Is something true of one of the functions, those of mechanics and of modes on demand left out?
