@@ -40,8 +40,8 @@ impl Mhe {
     /// [`Mhe::reset`] with the initial state does.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] for systems that switch, implicit methods, deadlines and functions that are no expressions; [`Error::Range`] for a prefix
-    /// that is no C identifier; those of [`Mhe::prepare`].
+    /// [`Error::Unsupported`](crate::error::Error::Unsupported) for systems that switch, implicit methods, deadlines and functions that are no
+    /// expressions; [`Error::Range`](crate::error::Error::Range) for a prefix that is no C identifier; those of [`Mhe::prepare`].
     pub fn write_c(&mut self, prefix: &str, real: CReal) -> Result<CCode> {
         text::check_prefix(prefix)?;
         if self.switches {
