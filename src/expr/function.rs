@@ -68,10 +68,18 @@ impl Derivatives {
 
     /// Of outputs in a graph, which grows.
     fn new(dag: &mut Dag, dims: Dims, outputs: &[Id], order: Derived) -> Result<Derivatives> {
-        if order == Derived::None {
-            return Ok(Derivatives::undefined(dims, outputs.len()));
-        }
         let (columns, wrt) = inputs_of(dag, dims, outputs);
+        if order == Derived::None {
+            // what they depend on is known all the same: on the time or not
+            let n = outputs.len();
+            let all = |c: &usize| (0..n).map(|r| (r, *c)).collect::<Vec<_>>();
+            let (rows, cols): (Vec<usize>, Vec<usize>) = columns.iter().flat_map(all).unzip();
+            return Ok(Derivatives {
+                jacobian: Tape::undefined(dims, rows.len()),
+                jac_pattern: Pattern::from_triplets(n, dims.n_in(), &rows, &cols).0,
+                ..Derivatives::undefined(dims, n)
+            });
+        }
         let weights = dag.inputs(Block::Weight, outputs.len());
         let mut jac = dag.jacobian(outputs, &wrt)?;
         let mut hess = if order == Derived::Second { dag.hessian(outputs, &weights, &wrt)? } else { Vec::new() };
