@@ -530,3 +530,14 @@ def test_backlash():
     for width in (0.0, -1.0):
         with pytest.raises(swb.RangeError, match="positive"):
             s.backlash("more", s.q[0], width)
+
+
+def test_what_rests_against_friction_takes_one_step():
+    """A hand that presses on a box which friction holds: nothing depends on the time, so nothing has to be tried."""
+    s = swb.Scene("box hand", u="push")
+    s.inertia([2.0, 0.5])
+    s.force([0.0, s.u[0]])
+    s.friction("floor", s.q[0], 6.0)
+    s.contact("touch", s.q[0] - s.q[1])
+    run = s.simulate([0.0, 0.0], [0.0, 0.0], 1.2, u=[2.0])
+    assert run.stats.steps == 1 and not run.x_end.any()
