@@ -371,6 +371,35 @@ pub(super) struct Solver {
     /// A weight that is given, to see what follows from it: its loop and its value.
     pub(super) fixed: Option<(usize, f64)>,
     guess: Guess,
+    tangent: Tangent,
+}
+
+/// A solution from which others begin: the stages of a step have the one where it starts as their guess. Along its tangent they begin
+/// with an error of second order.
+#[derive(Default)]
+struct Tangent {
+    state: TangentState,
+    /// The point: time; states, controls and parameters as in [`Solver::key`]; the modes.
+    t: f64,
+    key: Vec<f64>,
+    modes: Vec<usize>,
+    /// The solution.
+    unknowns: Vec<f64>,
+    /// Derivatives of the unknowns of a block by its columns.
+    slopes: Vec<Vec<f64>>,
+    /// Sign of the determinant of `h_z`.
+    negative: bool,
+}
+
+#[derive(Default, PartialEq)]
+enum TangentState {
+    #[default]
+    None,
+    /// A point, from which nothing has begun yet but one solution.
+    Point,
+    Slopes,
+    /// The solution has no derivatives there.
+    Singular,
 }
 
 impl Solver {
@@ -551,6 +580,10 @@ impl Algebraic {
             rate: vec![0.0; dims.x],
             gradient: vec![0.0; dims.n_in()],
             row: vec![0.0; n_columns],
+            tangent: Tangent {
+                slopes: blocks.iter().map(|b| vec![0.0; b.rows.len() * b.columns.len()]).collect(),
+                ..Tangent::default()
+            },
             ..Solver::default()
         };
         (self.jac, self.solver) = (jac, Mutex::new(solver));
@@ -607,6 +640,7 @@ impl Algebraic {
     pub(crate) fn forget(&self) {
         let mut s = self.lock();
         (s.known, s.jac_known, s.slopes_known, s.failure) = (None, false, false, None);
+        s.tangent.state = TangentState::None;
     }
 
     /// Where and why the equations were not solved last, in words.
@@ -832,20 +866,30 @@ impl Algebraic {
         if let Some(known) = s.known.filter(|_| same) {
             return known;
         }
+        let predicts = self.begin_tangent(s, at)?;
         s.t = at.t;
         s.key.iter_mut().zip(at.x.iter().chain(at.u).chain(at.p)).for_each(|(k, v)| *k = *v);
-        let (states, modes) = at.x.split_at(self.dims.x);
-        let (modes, weights) = modes.split_at(self.loops.len());
-        s.full[..states.len()].copy_from_slice(states);
-        s.full[states.len()..].copy_from_slice(weights);
         let mut same = self.affine;
-        for (k, (m, v)) in s.modes.iter_mut().zip(modes).enumerate() {
+        for (k, (m, v)) in s.modes.iter_mut().zip(&at.x[self.dims.x..]).enumerate() {
             let mode = self.mode_at(k, *v);
             same &= *m == mode;
             *m = mode;
         }
         (s.jac_known, s.slopes_known) = (same && s.jac_known, same && s.slopes_known);
-        let r = self.newton(s, at).map_err(|e| match e {
+        self.take_guess(s, at);
+        let mut r = Err(Failure::Stuck.into());
+        if predicts {
+            self.predict(s, at);
+            let negative = s.tangent.negative;
+            r = self.newton(s, at, Some(negative));
+            if matches!(r, Err(Unsolved::Equations(_))) {
+                self.take_guess(s, at);
+            }
+        }
+        if matches!(r, Err(Unsolved::Equations(_))) {
+            r = self.newton(s, at, None);
+        }
+        let r = r.map_err(|e| match e {
             Unsolved::Call(e) => e,
             Unsolved::Equations(f) => {
                 s.failure = Some((at.t, f));
@@ -855,6 +899,96 @@ impl Algebraic {
         // a call that is to end says nothing of the point
         s.known = (!matches!(r, Err(EvalError::Stopped | EvalError::Fatal(_)))).then_some(r);
         r
+    }
+
+    /// The states of a point, and the guess in it, to `full`.
+    fn take_guess(&self, s: &mut Solver, at: &Point) {
+        s.full[..self.dims.x].copy_from_slice(&at.x[..self.dims.x]);
+        s.full[self.dims.x..].copy_from_slice(&at.x[self.dims.x + self.loops.len()..]);
+    }
+
+    /// Makes the tangent ready that a point begins on, if its guess is a solution that is known. Says whether there is one. To be called while the solver
+    /// is where it was last.
+    fn begin_tangent(&self, s: &mut Solver, at: &Point) -> std::result::Result<bool, EvalError> {
+        if s.guess != Guess::Near || self.affine {
+            return Ok(false);
+        }
+        let (weights, bits) = (self.dims.x + self.loops.len(), f64::to_bits);
+        let guess = |x: &[f64], i: usize| x[i.checked_sub(self.z.len()).map_or(self.z.start + i, |w| weights + w)];
+        let modes =
+            |known: &[usize]| known.iter().enumerate().all(|(k, m)| *m == self.mode_at(k, at.x[self.dims.x + k]));
+        let t = &s.tangent;
+        let begins = t.state != TangentState::None
+            && modes(&t.modes)
+            && t.unknowns.iter().enumerate().all(|(i, v)| bits(*v) == bits(guess(at.x, i)));
+        if begins {
+            if s.tangent.state == TangentState::Point {
+                self.differentiate_tangent(s, at)?;
+            }
+            return Ok(s.tangent.state == TangentState::Slopes);
+        }
+        let follows = matches!(s.known, Some(Ok(())))
+            && modes(&s.modes)
+            && (0..self.n_unknowns()).all(|i| bits(s.full[self.place(i)]) == bits(guess(at.x, i)));
+        if follows {
+            let Solver { tangent: t, key, modes, full, .. } = s;
+            t.key.clone_from(key);
+            t.modes.clone_from(modes);
+            t.unknowns.clear();
+            t.unknowns.extend((0..self.n_unknowns()).map(|i| full[self.place(i)]));
+            (t.t, t.state) = (s.t, TangentState::Point);
+        }
+        Ok(false)
+    }
+
+    /// The derivatives where the tangent begins; `at` has its modes. The solver has no point behind this.
+    fn differentiate_tangent(&self, s: &mut Solver, at: &Point) -> EvalResult {
+        let key = std::mem::take(&mut s.tangent.key);
+        let (x, rest) = key.split_at(at.x.len());
+        let (u, p) = rest.split_at(at.u.len());
+        let there = Point { t: s.tangent.t, x, u, p };
+        (s.known, s.jac_known, s.slopes_known) = (None, false, false);
+        s.modes.clone_from(&s.tangent.modes);
+        self.take_guess(s, &there);
+        for i in 0..self.n_unknowns() {
+            s.full[self.place(i)] = s.tangent.unknowns[i];
+        }
+        let failure = s.failure;
+        let r = self.differentiate(s, &there);
+        s.tangent.negative = self.is_negative(s);
+        let Solver { tangent: t, slopes, .. } = s;
+        t.slopes.iter_mut().zip(slopes).for_each(|(to, from)| to.copy_from_slice(from));
+        t.key = key;
+        t.state = match r {
+            Ok(()) => TangentState::Slopes,
+            Err(EvalError::Recoverable) => TangentState::Singular,
+            Err(_) => TangentState::None,
+        };
+        // that there is no tangent is no failure
+        s.failure = failure;
+        match r {
+            Err(EvalError::Recoverable) => Ok(()),
+            r => r,
+        }
+    }
+
+    /// Moves the guess in `full` along the tangent.
+    fn predict(&self, s: &mut Solver, at: &Point) {
+        let (nx, nu, np) = (self.dims.x, at.u.len(), at.p.len());
+        let Solver { tangent, full, .. } = s;
+        let from = &tangent.key;
+        let behind = at.x.len();
+        let moved = |c: usize| match c {
+            c if c < nx => at.x[c] - from[c],
+            c if c < nx + nu => at.u[c - nx] - from[behind + c - nx],
+            c if c < nx + nu + np => at.p[c - nx - nu] - from[behind + c - nx],
+            _ => at.t - tangent.t,
+        };
+        for (b, slopes) in self.blocks.iter().zip(&tangent.slopes) {
+            for (i, row) in b.unknowns.iter().zip(slopes.chunks_exact(b.columns.len().max(1))) {
+                full[self.place(*i)] += b.columns.iter().zip(row).map(|(c, v)| v * moved(*c)).sum::<f64>();
+            }
+        }
     }
 
     /// How the outputs of a part are taken together.
@@ -998,14 +1132,17 @@ impl Algebraic {
         s.h.iter().zip(&s.sizes).map(of).fold(0.0, f64::max)
     }
 
-    /// From the guess in `full` to the solution.
-    fn newton(&self, s: &mut Solver, at: &Point) -> std::result::Result<(), Unsolved> {
+    /// From the guess in `full` to the solution; with a sign of the determinant of `h_z` only where it is that of the guess.
+    fn newton(&self, s: &mut Solver, at: &Point, sign: Option<bool>) -> std::result::Result<(), Unsolved> {
         let n = self.n_unknowns();
         self.residuals(s, at, false)?;
         if !self.factorise(s, at)? {
             return Err(Failure::Singular.into());
         }
         let negative = self.is_negative(s);
+        if sign.is_some_and(|sign| sign != negative) {
+            return Err(Failure::Fold.into());
+        }
         let mut fresh = true;
         let mut noise = self.roundings(s, at, false);
         self.correct(s);
