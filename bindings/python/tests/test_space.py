@@ -1,7 +1,11 @@
 """Bodies in space: boxes, capsules, ellipsoids and spheres against closed forms, conservation, and another integrator."""
 
+import importlib.util
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import switchback_control as swb
 
@@ -18,7 +22,6 @@ def matrix(q):
 
 def test_a_tumbling_body():
     """Euler's equations and the quaternion by another integrator; about the middle axis, where it turns over."""
-    from scipy.integrate import solve_ivp
 
     moments = np.array([1.0, 2.0, 3.0])
     w = swb.World(0.0, space=True)
@@ -180,7 +183,6 @@ def test_a_cylinder_rolls_down():
 
 def test_a_cylinder_stands_and_falls():
     """Pushed at half of its height h by F: it stands where F h / 2 < m g r, slides where F > mu m g, and tips over its rim else."""
-    from scipy.integrate import solve_ivp
 
     ends = []
     for push in (1.0, 3.0):
@@ -384,3 +386,35 @@ def test_pictures_in_space(tmp_path):
     with pytest.raises(swb.UnsupportedError, match="use animate"):
         swb.World().picture(run, 0.0)
     plt.close("all")
+
+
+def test_a_tippe_top_turns_upside_down():
+    """Against equations of motion written by hand while it slides, and by Jellett's constant to the end."""
+    path = Path(__file__).resolve().parents[3] / "examples" / "python" / "tippe_top.py"
+    if not path.exists():
+        pytest.skip("the examples are not part of this package")
+    pytest.importorskip("matplotlib")
+    spec = importlib.util.spec_from_file_location("tippe_top", path)
+    top = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(top)
+    up, mu, moment = np.array([0.0, 0.0, 1.0]), 0.3, 0.4 * top.MASS * top.RADIUS**2
+
+    def rates(_, y):
+        v, omega, axis = y[:3], y[3:6], y[6:]
+        arm = top.LIFT * axis - top.RADIUS * up
+        slide = v + np.cross(omega, arm)
+        push = up - mu * slide * [1, 1, 0] / np.hypot(slide[0], slide[1])
+        # the point that touches neither rises nor sinks
+        per_force = push[2] / top.MASS + np.cross(np.cross(arm, push), arm)[2] / moment
+        force = (G - top.LIFT * np.cross(omega, np.cross(omega, axis))[2]) / per_force
+        return np.concatenate([force * push / top.MASS - G * up, force * np.cross(arm, push) / moment, np.cross(omega, axis)])
+
+    start = [0, 0, 0, 0, 0, top.SPIN, 0, -np.sin(top.TILT), np.cos(top.TILT)]
+    exact = solve_ivp(rates, (0, 0.5), start, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+    _, _, height, _, _, way = top.spun(0.5, rtol=1e-9, atol=1e-11)
+    assert height[-1] == pytest.approx(exact[8], abs=1e-6) and exact[8] < 0.8
+    np.testing.assert_allclose(way.omega[-1], exact[3:6], rtol=1e-6, atol=1e-4)
+    _, run, height, jellett, energy, way = top.spun(3.0, rtol=1e-8, atol=1e-10)
+    assert run.success and height[0] > 0.99 and height[-1] < -0.9
+    assert np.ptp(jellett) < 1e-7 * abs(jellett[0]) and np.all(np.diff(energy) < 1e-9 * energy[0])
+    assert 0.0 < way.omega[-1, 2] < 0.6 * top.SPIN
