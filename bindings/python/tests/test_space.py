@@ -22,7 +22,6 @@ def matrix(q):
 
 def test_a_tumbling_body():
     """Euler's equations and the quaternion by another integrator; about the middle axis, where it turns over."""
-
     moments = np.array([1.0, 2.0, 3.0])
     w = swb.World(0.0, space=True)
     body = w.link(2.0, moments, name="body")
@@ -183,7 +182,6 @@ def test_a_cylinder_rolls_down():
 
 def test_a_cylinder_stands_and_falls():
     """Pushed at half of its height h by F: it stands where F h / 2 < m g r, slides where F > mu m g, and tips over its rim else."""
-
     ends = []
     for push in (1.0, 3.0):
         w = swb.World(space=True, mu=0.5)
