@@ -17,7 +17,7 @@ pub(crate) struct Choice {
     pub(crate) directions: Vec<(usize, [f64; 2])>,
     /// Those of them that have no sliding velocity.
     pub(crate) begin: Vec<usize>,
-    /// Forces of the closed contacts, where there are many and they are not unique: those well within the friction.
+    /// Forces of the closed contacts: which are meant where the modes leave them open.
     forces: Vec<(usize, Forces)>,
 }
 
@@ -129,13 +129,14 @@ impl Dynamics {
             }
             Ok(())
         });
-        out.undetermined = out.all.is_empty() && !found.all.is_empty();
+        let has_forces = !found.all.is_empty();
         let r = match (r, found.all.into_iter().next()) {
             (Ok(()), Some(s)) if out.all.is_empty() => {
                 self.change_borders(at, closed, &problem, s, length).map(|c| out.all.extend(c))
             }
             (r, _) => r,
         };
+        out.undetermined = has_forces && out.all.is_empty();
         self.keep_sticking(&mut out.all, closed);
         problem.clear();
         self.problem = problem;

@@ -130,10 +130,10 @@ impl Problem {
             null /= largest;
             table.iter_mut().flatten().for_each(|v| *v /= largest);
             // distances that the load does not change are what they are
-            let told: Vec<bool> = table.iter().map(|t| t.iter().all(|v| v.abs() <= NOTHING)).collect();
-            let mut keep = told.iter().map(|t| !t);
+            let still: Vec<bool> = table.iter().map(|t| t.iter().all(|v| v.abs() <= NOTHING)).collect();
+            let mut keep = still.iter().map(|t| !t);
             rows.retain(|_| keep.next().unwrap_or(true));
-            let mut keep = told.iter().map(|t| !t);
+            let mut keep = still.iter().map(|t| !t);
             table.retain(|_| keep.next().unwrap_or(true));
             let told = self.told(&r, &null);
             let start: Vec<f64> = rows.iter().map(|row| row.iter().map(|(i, w)| w * told[*i]).sum()).collect();

@@ -1,7 +1,7 @@
 //! What an adjoint sweep has to know of a run: one entry for every operation that moves the sensitivities.
 
 use super::explicit::Pair;
-use super::field::Field;
+use super::field::{Field, MOST_STAGES};
 use super::radau::Radau;
 use super::step::Step;
 use super::watch::Watch;
@@ -64,7 +64,6 @@ pub(super) struct Event {
 
 /// Entries of one step at most, usually.
 const ROOM: usize = 16;
-const MOST_STAGES: usize = 13;
 
 /// Everything since the start.
 #[derive(Debug, Default)]

@@ -1,8 +1,14 @@
-"""Models of the tests."""
+"""Models of the tests, and the examples as modules."""
+
+import importlib.util
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 import switchback_control as swb
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "python"
 
 OMEGA = 2 * np.pi
 OSCILLATOR_X0 = [np.exp(-1.0), 0.0]
@@ -13,6 +19,15 @@ A_OUT = np.array([[1.0, -OMEGA], [OMEGA, 1.0]])
 
 TUTORIAL_X0 = (9 - np.sqrt(417)) / 8
 TUTORIAL_COST = 1.5237727753749573
+
+
+def example(name):
+    """An example as a module, whose figures are not drawn yet."""
+    pytest.importorskip("matplotlib")
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def oscillator(modes=None, psi=None):

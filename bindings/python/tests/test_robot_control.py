@@ -1,21 +1,9 @@
 """Optimal control of robots by shooting: the examples, and pushes of random boxes against the same motion as one mass."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 import switchback_control as swb
-
-EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "python"
-
-
-def example(name):
-    pytest.importorskip("matplotlib")
-    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+from models import example
 
 
 def test_states_of_a_world_are_expressions_of_its_scene():

@@ -1,13 +1,11 @@
 """Bodies in space: boxes, capsules, ellipsoids and spheres against closed forms, conservation, and another integrator."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import switchback_control as swb
+from models import example
 
 G = 9.81
 TIGHT = {"rtol": 1e-10, "atol": 1e-11}
@@ -388,13 +386,7 @@ def test_pictures_in_space(tmp_path):
 
 def test_a_tippe_top_turns_upside_down():
     """Against equations of motion written by hand while it slides, and by Jellett's constant to the end."""
-    path = Path(__file__).resolve().parents[3] / "examples" / "python" / "tippe_top.py"
-    if not path.exists():
-        pytest.skip("the examples are not part of this package")
-    pytest.importorskip("matplotlib")
-    spec = importlib.util.spec_from_file_location("tippe_top", path)
-    top = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(top)
+    top = example("tippe_top")
     up, mu, moment = np.array([0.0, 0.0, 1.0]), 0.3, 0.4 * top.MASS * top.RADIUS**2
 
     def rates(_, y):
