@@ -29,6 +29,8 @@ const GOOD: f64 = 0.75;
 /// of a step that counts.
 const NOTHING: f64 = 1e-10;
 const PROGRESS: f64 = 1e-7;
+/// Weights of sides are quotients of multipliers by differences of slopes, and as exact as these: curvature changes them between two points.
+const ROUGH: f64 = 1e-3;
 /// Predicted decrease over the box, or over the sizes of the variables where it is larger, relative to the steepest slope, below which no direction leads
 /// down.
 const STILL: f64 = 1e-2;
@@ -180,6 +182,18 @@ struct Piece {
     values: Values,
 }
 
+/// What vanishes where no direction leads down.
+#[derive(Default)]
+struct Certificate {
+    /// Of the constraints.
+    multipliers: Vec<f64>,
+    /// Points on the other side of kinks with the weights of their derivatives.
+    beside: Vec<(f64, Vec<f64>)>,
+    /// The combination is one of generalised derivatives: no weight of a side is negative or beyond 1. A kink that the model did not cross, though it is pushed
+    /// at by more than it costs, has none.
+    proven: bool,
+}
+
 /// A descent in variables divided by their sizes, with the cost and the constraints divided by what the variables change them by.
 struct Descent<'a> {
     program: &'a mut dyn Program,
@@ -309,11 +323,11 @@ pub(in crate::ocp) fn look_around(program: &mut dyn Program, lowest: &mut Lowest
             break;
         }
     }
-    let Some(((multipliers, beside), y, here)) = last else { return Ok(()) };
+    let Some((Certificate { multipliers, beside, proven }, y, here)) = last else { return Ok(()) };
     let violation = descent.violation(here.rows.iter().copied()).1;
     lowest.z = y.iter().zip(&descent.size).map(|(y, s)| y * s).collect();
     (lowest.cost, lowest.violation) = (here.cost / descent.unit, violation);
-    (lowest.stationary, lowest.kink) = (lowest_flat <= STATIONARY, !beside.is_empty());
+    (lowest.stationary, lowest.kink) = (lowest_flat <= STATIONARY && proven, !beside.is_empty());
     (lowest.left, lowest.multipliers, lowest.beside) = (lowest_flat, multipliers, beside);
     Ok(())
 }
@@ -604,7 +618,7 @@ impl<'a> Descent<'a> {
         let mut found = QpSolution::new(&self.qp);
         let (mut there, mut radius, mut spent) = (Values::default(), FIRST_BOX, 1);
         let (mut fresh, mut flattest, mut promised) = (true, f64::INFINITY, f64::INFINITY);
-        let mut certificate = (vec![0.0; self.m], Vec::new());
+        let mut certificate = Certificate { multipliers: vec![0.0; self.m], proven: true, ..Certificate::default() };
         while spent < evaluations && radius > LAST_BOX {
             self.pieces.retain(|p| p.y.iter().zip(&y).all(|(a, b)| (a - b).abs() <= FAR * radius));
             let kinks = self.hinges(&y, &here);
@@ -695,7 +709,7 @@ impl<'a> Descent<'a> {
                 break;
             }
         }
-        let (multipliers, beside) = certificate;
+        let Certificate { multipliers, beside, proven } = certificate;
         Ok(Lowest {
             z: y.iter().zip(&self.size).map(|(y, s)| y * s).collect(),
             before: f64::NAN,
@@ -705,7 +719,7 @@ impl<'a> Descent<'a> {
             evaluations: spent,
             gain: -here.cost,
             violation: self.violation(here.rows.iter().copied()).1,
-            stationary: flattest <= STILL,
+            stationary: flattest <= STILL && proven,
             kink: !beside.is_empty(),
             beside,
             multipliers,
@@ -713,24 +727,20 @@ impl<'a> Descent<'a> {
         })
     }
 
-    /// Multipliers of the constraints, and points on the other side of kinks with the weights of their derivatives in the combination that vanishes: what
-    /// a step says of the point it begins at.
-    fn certificate(
-        &self,
-        found: &QpSolution,
-        kinks: &[Option<Hinge>],
-        crossed: &[bool],
-    ) -> (Vec<f64>, Vec<(f64, Vec<f64>)>) {
-        let multipliers = &found.row_mu[..self.m];
-        let rows = multipliers.iter().zip(&self.row_unit).map(|(mu, r)| mu * r / self.unit).collect();
-        let weight = |k: usize| match &kinks[k] {
-            Some(h) if crossed[k] => 1.0 + found.row_mu[self.m + k] / h.bend(multipliers),
-            Some(h) => found.row_mu[self.m + k] / h.bend(multipliers),
-            None => 0.0,
+    /// What a step says of the point it begins at.
+    fn certificate(&self, found: &QpSolution, kinks: &[Option<Hinge>], crossed: &[bool]) -> Certificate {
+        let of_model = &found.row_mu[..self.m];
+        let multipliers = of_model.iter().zip(&self.row_unit).map(|(mu, r)| mu * r / self.unit).collect();
+        let pushed = |k: usize, h: &Hinge| match found.row_mu[self.m + k] {
+            push if push.abs() <= NOTHING => 0.0,
+            push => push / h.bend(of_model),
         };
-        let acting = (0..kinks.len()).map(|k| (weight(k), k)).filter(|(w, _)| w.is_finite() && *w > NOTHING);
+        let weight = |k: usize| kinks[k].as_ref().map_or(0.0, |h| f64::from(u8::from(crossed[k])) + pushed(k, h));
+        let acting = (0..kinks.len()).map(|k| (weight(k), k)).filter(|(w, _)| !(w.abs() <= NOTHING));
         let back = |p: &Piece| p.y.iter().zip(&self.size).map(|(y, s)| y * s).collect();
-        (rows, acting.map(|(w, k)| (w, back(&self.pieces[k]))).collect())
+        let beside: Vec<(f64, Vec<f64>)> = acting.map(|(w, k)| (w, back(&self.pieces[k]))).collect();
+        let proven = beside.iter().all(|(w, _)| (-ROUGH..=1.0 + ROUGH).contains(w));
+        Certificate { multipliers, beside, proven }
     }
 
     /// A price that only a start far from the constraints needed would make every step along curved constraints fail: where a step meets
