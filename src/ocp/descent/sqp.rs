@@ -736,10 +736,11 @@ impl<'a> Descent<'a> {
             push => push / h.bend(of_model),
         };
         let weight = |k: usize| kinks[k].as_ref().map_or(0.0, |h| f64::from(u8::from(crossed[k])) + pushed(k, h));
-        let acting = (0..kinks.len()).map(|k| (weight(k), k)).filter(|(w, _)| !(w.abs() <= NOTHING));
+        let all: Vec<(f64, usize)> = (0..kinks.len()).map(|k| (weight(k), k)).collect();
+        let proven = all.iter().all(|(w, _)| (-ROUGH..=1.0 + ROUGH).contains(w));
         let back = |p: &Piece| p.y.iter().zip(&self.size).map(|(y, s)| y * s).collect();
-        let beside: Vec<(f64, Vec<f64>)> = acting.map(|(w, k)| (w, back(&self.pieces[k]))).collect();
-        let proven = beside.iter().all(|(w, _)| (-ROUGH..=1.0 + ROUGH).contains(w));
+        let acting = all.into_iter().filter(|(w, _)| w.is_finite() && *w > NOTHING);
+        let beside = acting.map(|(w, k)| (w, back(&self.pieces[k]))).collect();
         Certificate { multipliers, beside, proven }
     }
 
