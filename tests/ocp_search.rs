@@ -304,7 +304,8 @@ fn a_free_start_is_found_on_the_other_side_of_a_line_that_repels() {
     // 1.607. Less costs a start next to the line, from which the motion leads away to the side of the goal: the optima there cost 0.172 and 0.181
     assert!(r.cost < 0.182, "{}", r.cost);
     assert!(r.accuracy.as_ref().unwrap().terminal < 1e-6, "the controls lead to the answer");
-    assert!(r.trajectory.elements[0].x0[0] < 0.0);
+    let x0 = &r.trajectory.elements[0].x0;
+    assert!(x0[0] < 0.0 || (x0[1] - 0.5 * x0[0]).abs() < 1e-3, "{x0:?}: on the other side, or next to the line");
 }
 
 /// Of two answers the one that costs less with the price of what it violates is better: the other one leaves its goal and costs nothing else.
@@ -351,14 +352,14 @@ fn other_ways_are_looked_for_where_the_first_one_was_found_soon() {
 }
 
 /// Controls that stand exactly on their thresholds: a program mixes both sides within a stage, and no simulation does. The answer has one side in
-/// every stage, and keeps a distance from the others.
+/// every stage, and keeps a distance from the others. With the usual effort one of four seeds of the search ends at 0.114.
 #[test]
 fn controls_on_their_thresholds_choose_for_whole_stages() {
     let g = Graph::new();
     let (x, a, b) = (g.x(0), g.u(0), g.u(1));
     let rhs = [(a - 0.5).gt(0.0).select(1.0, 0.0) - b.gt(a).select(0.7, 0.1) * x];
     let system = Model::from_rhs("switches", 2, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
-    let mut o = Ocp::new(&system, 2.0, 5, &Settings::default()).unwrap();
+    let mut o = Ocp::new(&system, 2.0, 5, &Settings { search_effort: 4.0, ..Settings::default() }).unwrap();
     let d = Dims { x: 1, u: 2, p: 0 };
     let of = |output: switchback::expr::Expr| Arc::new(g.function("of", d, &[output]).unwrap());
     o.set_x0(&[0.0]).unwrap();

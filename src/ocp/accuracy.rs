@@ -50,6 +50,8 @@ pub struct Accuracy {
     pub local: Vec<f64>,
     /// True where the simulation of some stage, from the state of the answer at its start, is another motion too.
     pub elsewhere: bool,
+    /// Does a stage that is simulated by itself, from the state of the answer, lead elsewhere? Where the whole does not, modes are those of a past.
+    pub(super) parts_ways: bool,
     /// Moduli of the differences of the states at the ends of the stages `[n_stages · nx]`, and the largest moduli of the states there `[nx]`, where
     /// the simulation reaches the end.
     differences: Vec<f64>,
@@ -112,6 +114,7 @@ impl Accuracy {
             n_switches: 0,
             local: Vec::new(),
             elsewhere: false,
+            parts_ways: false,
             differences: Vec::new(),
             sizes: Vec::new(),
             noise: 0.0,
@@ -143,7 +146,8 @@ impl Accuracy {
     /// Takes over what simulations of single stages say.
     pub(super) fn take_stages(&mut self, stages: &[Accuracy]) {
         let is_far = |a: &Accuracy| a.differences.iter().zip(&self.sizes).any(|(d, size)| *d > ELSEWHERE * size);
-        self.elsewhere = self.large().is_some() && stages.iter().any(is_far);
+        self.parts_ways = stages.iter().any(is_far);
+        self.elsewhere = self.parts_ways && self.large().is_some();
         self.local = stages.iter().map(|a| a.terminal).collect();
     }
 

@@ -2,7 +2,6 @@
 //! program picks the continuation that costs least, and nothing else does.
 
 use super::accuracy::Accuracy;
-use super::optimality::Verdict;
 use super::request::{Comparison, Request};
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
@@ -18,8 +17,6 @@ const SAME: f64 = 1e-3;
 pub(super) struct Candidates {
     /// The cheapest solution.
     pub best: Option<Box<Ocp>>,
-    /// What a descent on simulations says of it, where its derivatives alone do not.
-    pub still: Option<Verdict>,
     /// Why a search was cut, where it was.
     pub cut: Option<Why>,
     /// Sizes of the quantities of the problem.

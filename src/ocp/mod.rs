@@ -310,7 +310,7 @@ impl Ocp {
             measured: None,
             largest: 0.0,
             shifted: None,
-            simulated: simulated::State { only: only_simulates, last: None },
+            simulated: simulated::State { only: only_simulates, ..Default::default() },
             scene: scene::SceneControl::default(),
             transitions: transitions::State::default(),
         })

@@ -247,7 +247,8 @@ impl MultiPhase {
         self.place_in_time();
         self.phases.iter().try_for_each(Ocp::check_simulated)?;
         let bases = self.phases.iter().map(|p| p.base(None)).collect::<Result<Vec<_>>>()?;
-        let mut task = Task { ocps: self.phases.iter_mut().collect(), links: &self.links, settings: &self.settings };
+        let mut task =
+            Task { ocps: self.phases.iter_mut().collect(), links: &self.links, settings: &self.settings, effort: 1.0 };
         let found = task.solve(bases, None, request, control)?;
         let mut messages: Vec<String> = Some(found.missed).filter(|m| !m.is_empty()).into_iter().collect();
         let error = |worst: f64, r: &OcpResult| match &r.accuracy {

@@ -4,13 +4,13 @@ use std::time::Instant;
 
 use super::candidates::Candidates;
 use super::moves::NOTHING;
-use super::optimality::Verdict;
+use super::optimality::{Optimality, Verdict};
 use super::request::Request;
 use super::solve::{Before, Start};
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::mpcc::Polish;
-use crate::nlp::{Control, Outcome, Statistics};
+use crate::nlp::{allowance, Control, Outcome, Statistics};
 use crate::settings::OcpStart;
 use crate::stop::{self, Why};
 
@@ -31,6 +31,22 @@ impl OcpResult {
         self.ended = self.ended.or(Some(why.into()));
     }
 
+    /// Where all iterations of the call are spent, a solution says so; what is none has ended there.
+    pub(super) fn tell_spent(&mut self, request: &Request) {
+        if !allowance::is_over() {
+            return;
+        }
+        let most = request.options.solver.max_iter;
+        if self.is_solution() {
+            self.add_remark(&format!(
+                "all max_iter = {most} iterations are spent: the search for better answers was cut short"
+            ));
+        } else if self.outcome == Outcome::Stalled {
+            self.outcome = Outcome::MaxIter;
+            self.message = format!("max_iter = {most} iterations are not enough; {}", self.message);
+        }
+    }
+
     /// Are there elements without length?
     pub(super) fn has_idle(&self) -> bool {
         self.trajectory.elements.iter().any(|e| e.h <= NOTHING * self.durations[e.stage])
@@ -44,6 +60,16 @@ impl OcpResult {
     /// Is it a solution whose active set is exact, or of a problem without pairs? Its multipliers are those of the problem then.
     pub(super) fn has_exact_modes(&self) -> bool {
         self.is_solution() && (self.polish == Polish::Done || self.dimensions.2 == 0)
+    }
+
+    /// Is it known to be none?
+    pub(super) fn is_not_optimal(&self) -> bool {
+        self.optimality.as_ref().is_some_and(|o| o.verdict == Verdict::NotOptimal)
+    }
+
+    /// Is it known to be a local optimum?
+    pub(super) fn is_optimum(&self) -> bool {
+        self.optimality.as_ref().is_some_and(Optimality::is_optimum)
     }
 
     /// Is the active set exact, or nothing switches?
@@ -64,32 +90,14 @@ impl Ocp {
         self.run_from_several(start, request, control)
     }
 
-    /// Controls moved along a direction within their bounds.
-    pub(super) fn moved(&self, controls: &[f64], direction: &[f64], step: f64) -> Vec<f64> {
-        let bounds = (0..self.n_stages).flat_map(|k| {
-            let [lower, upper] = self.control_bounds(k);
-            lower.iter().zip(upper)
-        });
-        let moved = controls.iter().zip(direction).zip(bounds);
-        moved.map(|((u, d), (l, h))| (u + step * d).clamp(*l, *h)).collect()
-    }
-
     /// Takes over the best answer with what was built for it, and reports it.
-    pub(super) fn adopt(
-        &mut self,
-        found: Candidates,
-        request: &Request,
-        control: &mut Control,
-        clock: Instant,
-    ) -> Result<&OcpResult> {
-        let mut found = found;
+    pub(super) fn adopt(&mut self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
         let cost = found.cost();
         let taken = found.best.take().and_then(|mut f| f.built.take().map(|b| (b, f.builds, f.result)));
         let Some((mut b, builds, before)) = taken else {
             return Err(Error::Internal("no answer was found".into()));
         };
         let stage_params = b.extended.params.clone();
-        let still = found.still;
         self.measured = Some(found.known.clone());
         self.largest = self.largest.max(cost.abs());
         self.builds += builds;
@@ -105,16 +113,11 @@ impl Ocp {
                 self.withhold_verdict(&mut r);
             }
         }
-        if let (Some(o), Some(verdict)) = (r.optimality.as_mut().filter(|o| o.is_open()), still) {
-            o.certify_by_descent(verdict);
-            self.withhold_verdict(&mut r);
-        }
         if let Some(why) = found.cut {
             r.tell_cut(why);
         }
         self.result = Some(r);
-        self.tell_cheaper_guess()?;
-        self.spent_in_all(&found, clock)
+        self.tell_cheaper_guess()
     }
 
     /// The result is what all of this took.

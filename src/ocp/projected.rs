@@ -130,7 +130,8 @@ impl Ocp {
             found.add(next);
             if next.is_exact() && next.priced < now - GAIN * now.abs() {
                 found.best = Some(one);
-                self.adopt(found, request, control, clock)?;
+                self.adopt(&mut found, request, control)?;
+                self.spent_in_all(&found, clock)?;
                 return Ok(true);
             }
         }

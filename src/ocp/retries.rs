@@ -59,7 +59,8 @@ impl Ocp {
             found.add(r);
             if r.outcome == Outcome::Solved {
                 found.best = Some(one);
-                return self.adopt(found, request, control, clock);
+                self.adopt(&mut found, request, control)?;
+                break;
             }
         }
         self.spent_in_all(&found, clock)

@@ -261,7 +261,7 @@ impl Ocp {
         let options = SolveOptions::from_settings(&self.settings)?;
         let known = self.built.as_ref().is_some_and(|b| b.last.is_some() && b.options.fits(&options));
         let by_sequence = self.is_simulated() || self.has_transitions() || !self.system.choices().is_empty();
-        let known = known || (by_sequence && self.result.is_some());
+        let known = known || ((by_sequence || self.simulated.leads) && self.result.is_some());
         self.solve_from(if known { Start::Warm } else { Start::Cold }, control)
     }
 
@@ -276,6 +276,7 @@ impl Ocp {
         }
         let request = Request::from_settings(&self.settings)?;
         self.complete_params()?;
+        let led = std::mem::take(&mut self.simulated.leads) && start == Start::Warm;
         self.simulated.last = None;
         if start != Start::Warm {
             self.inside.clear();
@@ -289,6 +290,9 @@ impl Ocp {
                     return self.solve_choices(start, &request, control);
                 }
                 self.chosen = None;
+                if led {
+                    return self.solve_simulated(start, &request, control);
+                }
                 self.solve_chosen(start, &request, control)
             })
         })?;
@@ -335,7 +339,7 @@ impl Ocp {
         // else the answer before stays one
         let better = found.filter(gained);
         if better.is_none() {
-            self.simulated.last = None;
+            (self.simulated.last, self.simulated.leads) = (None, false);
         }
         self.result = Some(OcpResult { stats, ..better.unwrap_or(before) });
         Ok(())
@@ -573,12 +577,7 @@ impl Ocp {
         if result.outcome == Outcome::Solved && result.accuracy.as_ref().is_some_and(|a| a.elsewhere) {
             result.ended = Some(Outcome::NotFollowed);
         }
-        if result.is_solution() && allowance::is_over() {
-            let most = request.options.solver.max_iter;
-            result.add_remark(&format!(
-                "all max_iter = {most} iterations are spent: the search for better answers was cut short"
-            ));
-        }
+        result.tell_spent(request);
         if let Some(why) = cut {
             result.tell_cut(why);
         }
@@ -587,7 +586,7 @@ impl Ocp {
 
     /// Says where controls are choices. The optimum of one order of modes is none of the problem where a control has not chosen; what is an
     /// optimum with a kink there has.
-    fn name_choice(&self, r: &mut OcpResult) -> Result<()> {
+    pub(super) fn name_choice(&self, r: &mut OcpResult) -> Result<()> {
         let Some(choice) = self.choice(r)? else { return Ok(()) };
         r.add_remark(&choice.text);
         if let Some(doubt) = choice.doubt {

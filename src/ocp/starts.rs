@@ -219,7 +219,7 @@ impl Ocp {
             measured: None,
             largest: 0.0,
             shifted: None,
-            simulated: super::simulated::State { only: self.simulated.only, last: None },
+            simulated: super::simulated::State { only: self.simulated.only, ..Default::default() },
             scene: self.scene.blank(),
             transitions: self.transitions.blank(),
         }

@@ -1,5 +1,6 @@
 //! Functions made of other functions: inputs taken from elsewhere, outputs stacked, sums of squares.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::func::{Dims, EvalResult, Function, Point};
@@ -43,8 +44,8 @@ struct Part {
     f: SharedFunction,
     /// Column of the stack behind every column of the function.
     columns: Vec<usize>,
-    /// The inputs are those of the stack: nothing has to be gathered.
-    plain: bool,
+    /// Where its states, controls and parameters begin in those of the stack, where they stand there side by side: nothing has to be gathered.
+    spans: Option<[Range<usize>; 3]>,
     first: usize,
     /// Entries of the stack's derivatives behind those of the function, and the factor of the latter.
     jac: Vec<usize>,
@@ -97,13 +98,13 @@ impl Stack {
             }
             let buffer = inner_jac.nnz().max(inner_hess.nnz()).max(f.n_out());
             s.work = s.work.max(f.work_len() + buffer + f.dims().n_in());
-            let plain = f.dims() == dims && columns.iter().enumerate().all(|(j, &c)| j == c);
+            let spans = spans(f.dims(), dims, &columns);
             let n_jac = inner_jac.nnz();
             let n_out = f.n_out();
             s.parts.push(Part {
                 f,
                 columns,
-                plain,
+                spans,
                 first,
                 jac: vec![0; n_jac],
                 hess: factors.into_iter().map(|v| (0, v)).collect(),
@@ -127,11 +128,29 @@ impl Stack {
     }
 }
 
+/// Where the blocks of inputs of sizes `inner` are in the same blocks of inputs of sizes `outer`, if each is one piece of its own.
+fn spans(inner: Dims, outer: Dims, columns: &[usize]) -> Option<[Range<usize>; 3]> {
+    let own = [0, inner.x, inner.x + inner.u, inner.t_col()];
+    let all = [0, outer.x, outer.x + outer.u, outer.t_col()];
+    if columns[inner.t_col()] != outer.t_col() {
+        return None;
+    }
+    let span = |k: usize| -> Option<Range<usize>> {
+        let columns = &columns[own[k]..own[k + 1]];
+        let Some(&first) = columns.first() else { return Some(0..0) };
+        let follow = columns.iter().zip(first..).all(|(c, at)| *c == at);
+        let within = first >= all[k] && first + columns.len() <= all[k + 1];
+        (follow && within).then(|| first - all[k]..first - all[k] + columns.len())
+    };
+    Some([span(0)?, span(1)?, span(2)?])
+}
+
 impl Part {
     /// Calls `body` with the inputs of the function and a workspace.
     fn with(&self, at: &Point, work: &mut [f64], body: impl FnOnce(&Point, &mut [f64]) -> EvalResult) -> EvalResult {
-        if self.plain {
-            return body(at, work);
+        if let Some([x, u, p]) = &self.spans {
+            let inner = Point { t: at.t, x: &at.x[x.clone()], u: &at.u[u.clone()], p: &at.p[p.clone()] };
+            return body(&inner, work);
         }
         let d = self.f.dims();
         let (z, work) = work.split_at_mut(d.n_in());

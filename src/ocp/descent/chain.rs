@@ -277,12 +277,14 @@ impl<'a> Chain<'a> {
         let mut usual = Vec::with_capacity(self.parts.len());
         for p in &mut self.parts {
             let tracing = p.tracing()?;
-            usual.push(p.exchange(tracing));
+            // what is traced is one run
+            usual.push((p.exchange(tracing), std::mem::replace(&mut p.goes_on, true)));
         }
         let found = self.values_at(z);
         let mut start = self.parts[0].ocp().t0;
-        let traced = |(p, usual): (&mut Shooting, event::Engine)| {
+        let traced = |(p, (usual, goes_on)): (&mut Shooting, (event::Engine, bool))| {
             let end = p.time();
+            p.goes_on = goes_on;
             let phases = p.order_of_motion(std::mem::replace(&mut start, end), end).phases;
             (p.exchange(usual), phases)
         };

@@ -11,6 +11,8 @@ use crate::stop;
 const WITHIN_ERROR: &str = "a descent on simulations gains no more than the answer is off its simulation";
 /// Why nothing is known of one that no descent begins at.
 const NO_DESCENT: &str = "no descent on simulations leads from the answer to one that meets the constraints";
+/// Why nothing is known where derivatives and descents contradict each other.
+const NO_LOWER: &str = "its derivatives lead down, and no descent on simulations ends lower";
 /// Multiples of the difference between an answer and its simulation that a gain must be to be one.
 const BEYOND_ERROR: f64 = 10.0;
 impl Ocp {
@@ -41,6 +43,20 @@ impl Ocp {
             out.direction = moved.controls.iter().zip(&r.controls).map(|(a, b)| a - b).collect();
         }
         Ok(out)
+    }
+
+    /// Says of the last answer what its derivatives do not, where a descent on simulations does.
+    pub(in crate::ocp) fn judge_again_by_descent(&mut self) -> Result<()> {
+        let Some(mut r) = self.result.take() else { return Ok(()) };
+        if let Some(mut known) = r.optimality.take() {
+            if known.verdict == Verdict::NotOptimal {
+                known.withdraw(NO_LOWER);
+            }
+            r.optimality = Some(self.or_by_descent(known, &r));
+            self.withhold_verdict(&mut r);
+        }
+        self.result = Some(r);
+        Ok(())
     }
 
     /// What the conditions of an answer leave open, as a descent on simulations judges it, unless these are other motions or there is no time.

@@ -10,7 +10,6 @@ mod shooting;
 mod sqp;
 
 use super::candidates::agree;
-use super::optimality::Verdict;
 use super::simulated::Base;
 use super::solve::Built;
 use super::{Ocp, OcpResult};
@@ -27,7 +26,7 @@ pub(super) use sqp::{look_around, minimise, restore, GiveUp, Lowest, Program, Va
 /// Simulations of the horizon of a descent at most.
 const EVALUATIONS: usize = 80;
 /// Variables of a descent at most: its quadratic programs and the derivatives of its constraints are dense.
-const VARIABLES: usize = 400;
+pub(super) const VARIABLES: usize = 400;
 /// Violation of a constraint, relative to what the variables change it by, with which a descent may end.
 const MET: f64 = 1e-4;
 /// The same for the start of a mode program, which meets its constraints by itself.
@@ -42,27 +41,6 @@ impl Lowest {
     }
 }
 
-/// A descent from an answer.
-pub(super) struct Descent {
-    /// The answer with other controls, lengths, parameters, initial states.
-    pub moved: Box<OcpResult>,
-    /// Costs of simulations: at the start, with the constraints met where that takes a small change, and at the end.
-    pub before: f64,
-    pub cost: f64,
-    /// Simulations that it took.
-    pub evaluations: usize,
-    /// Where the descent gains nothing: what the answer is then. It is not known where the descent ended somewhere else than at a point from
-    /// which no direction leads down.
-    pub still: Option<Verdict>,
-}
-
-impl Descent {
-    /// Does it end at less than `cost`?
-    pub(super) fn betters(&self, cost: f64) -> bool {
-        self.cost < cost - NONE * cost.abs()
-    }
-}
-
 /// The end of a descent that nearly meets the constraints.
 pub(super) struct Shot {
     /// Controls, lengths, parameters and initial states there.
@@ -72,31 +50,6 @@ pub(super) struct Shot {
 }
 
 impl Ocp {
-    /// Descends on simulations from the answer that `best` has, with the given controls. `None` where nothing is simulated, or there is
-    /// nothing to vary.
-    pub(super) fn descend(&self, best: &Ocp, known: &Sizes, controls: &[f64]) -> Result<Option<Descent>> {
-        let (Some(b), Some(r)) = (best.built.as_ref(), best.result.as_ref()) else { return Ok(None) };
-        let mut shooting = Shooting::beside(self, b, r, known)?;
-        let start = shooting.place(b, (controls, &r.control_ends));
-        let Some(found) = lowest(&mut shooting, start, true)?.filter(|found| found.violation <= MET) else {
-            return Ok(None);
-        };
-        let moved = told(&shooting, &found, r);
-        let mut still = None;
-        if found.gain <= NONE {
-            // a cost that simulations do not confirm is certified by nothing
-            if !agree(found.before, r.priced) {
-                return Ok(None);
-            }
-            still = Some(match (found.stationary, found.kink) {
-                (false, _) => Verdict::Unknown,
-                (true, true) => Verdict::Kink,
-                (true, false) => Verdict::LocalOptimum,
-            });
-        }
-        Ok(Some(Descent { moved, before: found.before, cost: found.cost, evaluations: found.evaluations, still }))
-    }
-
     /// The end of a descent from an answer, and the answer with what it ends at; `None` where nothing is simulated, there is nothing to vary, or the
     /// constraints are not met. Where the descent does not say whether a direction leads down, its end is looked around.
     pub(super) fn lowest_from(
@@ -142,15 +95,6 @@ impl Ocp {
         Ok(None)
     }
 
-    /// What a simulation of the controls of an answer costs, where it meets the constraints.
-    pub(super) fn feasible_cost(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<f64>> {
-        let mut shooting = Shooting::beside(self, b, from, known)?;
-        let Some(values) = shooting.simulated(b, (&from.controls, &from.control_ends))? else { return Ok(None) };
-        let (lower, upper) = shooting.row_bounds();
-        let off = |i: usize| violation(&values, [lower, upper], i);
-        Ok((0..values.rows.len()).all(|i| off(i) <= MET * values.usual[i]).then_some(values.cost))
-    }
-
     /// Where descents from each of these controls end: those that nearly meet the constraints. Lengths, parameters and initial states that are
     /// free are those of `from` at first in every second one, and drawn within their bounds in the others. No more of them begin once there
     /// have been `most` simulations of the horizon.
@@ -178,27 +122,6 @@ impl Ocp {
             out.extend(shot(&shooting, &found, from));
         }
         Ok(out)
-    }
-
-    /// The end of a descent from the controls of an answer, where it nearly meets the constraints, and the simulations that it took. Lengths, parameters
-    /// and initial states that are free are those of `from` at first, or drawn within their bounds. `None` where there is nothing to vary, or too much.
-    pub(super) fn shot(
-        &self,
-        b: &Built,
-        from: &OcpResult,
-        known: &Sizes,
-        drawn: Option<&mut SplitMix64>,
-    ) -> Result<Option<(Option<Shot>, usize)>> {
-        let mut shooting = Shooting::beside(self, b, from, known)?;
-        if !can_vary(&shooting) {
-            return Ok(None);
-        }
-        let mut z = shooting.place(b, (&from.controls, &from.control_ends));
-        if let Some(numbers) = drawn {
-            shooting.draw(&mut z, numbers);
-        }
-        let found = lowest(&mut shooting, z, false)?;
-        Ok(Some((found.as_ref().and_then(|f| shot(&shooting, f, from)), found.map_or(1, |f| f.evaluations))))
     }
 }
 

@@ -85,7 +85,7 @@ pub(in crate::ocp) struct Shooting<'a> {
     plain: Option<Engine>,
     /// Does the system depend on the time?
     timed: bool,
-    goes_on: bool,
+    pub(super) goes_on: bool,
     /// The order of modes and transitions that a motion has to have.
     order: Option<ModeOrder>,
     layout: Layout,
@@ -427,6 +427,11 @@ impl<'a> Shooting<'a> {
         options(self.ocp, self.cost, &self.usual)
     }
 
+    /// Do modes go on from a stage to the next?
+    pub fn goes_on(&self) -> bool {
+        self.goes_on
+    }
+
     /// The problem as it was stated.
     pub fn ocp(&self) -> &'a Ocp {
         self.ocp
@@ -574,17 +579,20 @@ impl<'a> Shooting<'a> {
         }
     }
 
+    /// Controls of the user at both ends of the stages, `[n_stages · nu]` each.
+    pub fn user_controls(&self, z: &[f64]) -> [Vec<f64>; 2] {
+        let (n, own) = (self.ocp.n_stages, self.ocp.u_bounds[0].len());
+        let linear = |j: usize| self.at.ends[j].is_some();
+        [0, 1].map(|shift| {
+            let of = |k: usize, j: usize| z[self.control_at(if linear(j) { k + shift } else { k }, j)];
+            (0..n).flat_map(|k| (0..own).map(move |j| (k, j))).map(|(k, j)| of(k, j)).collect()
+        })
+    }
+
     /// Takes the variables over into an answer: user's controls, lengths, parameters, initial state.
     pub fn tell(&self, z: &[f64], r: &mut OcpResult) {
-        let (n, own) = (self.ocp.n_stages, self.ocp.u_bounds[0].len());
-        let place = |k: usize, j: usize| z[self.control_at(k, j)];
-        let linear = |j: usize| self.at.ends[j].is_some();
-        let all = |shift: usize| -> Vec<f64> {
-            let of = |k: usize, j: usize| place(if linear(j) { k + shift } else { k }, j);
-            (0..n).flat_map(|k| (0..own).map(move |j| (k, j))).map(|(k, j)| of(k, j)).collect()
-        };
-        (r.controls, r.control_ends) = (all(0), all(1));
-        (0..n).for_each(|k| r.durations[k] = self.length(z, k).0);
+        [r.controls, r.control_ends] = self.user_controls(z);
+        (0..self.ocp.n_stages).for_each(|k| r.durations[k] = self.length(z, k).0);
         let count = r.params.len();
         for (p, at) in r.params.iter_mut().zip(&self.at.params[..count]) {
             *p = at.map_or(*p, |at| z[at]);

@@ -616,7 +616,7 @@ impl<'a> Descent<'a> {
         let mut y: Vec<f64> = z.iter().zip(&self.size).map(|(z, s)| z / s).collect();
         self.restart();
         let mut found = QpSolution::new(&self.qp);
-        let (mut there, mut radius, mut spent) = (Values::default(), FIRST_BOX, 1);
+        let (mut there, mut radius, mut spent, mut steps) = (Values::default(), FIRST_BOX, 1, 0);
         let (mut fresh, mut flattest, mut promised) = (true, f64::INFINITY, f64::INFINITY);
         let mut certificate = Certificate { multipliers: vec![0.0; self.m], proven: true, ..Certificate::default() };
         while spent < evaluations && radius > LAST_BOX {
@@ -666,7 +666,8 @@ impl<'a> Descent<'a> {
             spent += 1;
             let mut reached = self.evaluate(&next, &mut there)?;
             let mut ratio = if reached { (self.merit(&here) - self.merit(&there)) / gain } else { f64::NEG_INFINITY };
-            if reached && ratio < FAIR && self.violation(there.rows.iter().copied()).0 > now.0 + MET {
+            let once_more = spent < evaluations;
+            if once_more && reached && ratio < FAIR && self.violation(there.rows.iter().copied()).0 > now.0 + MET {
                 spent += 1;
                 let model = (&kinks[..], &crossed[..]);
                 self.correct((&y, &here), (radius, gain), model, (&mut next, &mut there, &mut found, &mut ratio))?;
@@ -700,11 +701,12 @@ impl<'a> Descent<'a> {
             }
             let violation = self.violation(here.rows.iter().copied()).1;
             let told = IterationInfo {
-                iter: spent,
+                iter: steps,
                 objective: here.cost / self.unit,
                 inf_pr: violation,
                 ..Default::default()
             };
+            steps += 1;
             if watch(&told) {
                 break;
             }

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::rc::Rc;
 
-use super::SAME;
 use crate::dcs::{Across, Dcs};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
@@ -14,36 +13,19 @@ use crate::nlp::{Control, Nlp, Outcome};
 use crate::ocp::accuracy::Accuracy;
 use crate::ocp::candidates::agree;
 use crate::ocp::moves;
-use crate::ocp::optimality::{Optimality, Verdict, OTHER};
+use crate::ocp::optimality::{Verdict, OTHER};
 use crate::ocp::request::Request;
-use crate::ocp::sequence::{Room, Traced, LOWEST, NEAR, ROUGH};
+use crate::ocp::sequence::{Room, Traced, ROUGH};
 use crate::ocp::smoothing::Smoother;
 use crate::ocp::solve::{Built, Start};
 use crate::ocp::{Ocp, OcpResult};
-use crate::random::SplitMix64;
-use crate::search::{
-    self, watched, Budget, EarlyTermination, Limits, Neighbour, Patience, Rank, Sampler, Source, Space,
-};
+use crate::search::{self, watched, Budget, EarlyTermination, Limits, Neighbour, Patience, Rank, Source, Space};
 use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
 use crate::stop;
 
-/// Multiples of the elements of a grid on which what simulations contradict is solved again.
-const FINER: [usize; 2] = [2, 4];
-/// Changes of controls, in units of their sizes, with which descents begin on the sides of a kink.
-const SIDE: f64 = 0.1;
-/// Share of the range of a control by which one that is held may change, so that what a simulation meets to its tolerance can be met exactly.
-const HELD: f64 = 0.01;
-/// Iterations that the program of a sequence and the homotopy take as a rule. With as many for the homotopy as for a program 70 problems took 1.4 times
-/// the work (docs/dev/log/search.md).
-const PROGRAM: f64 = 50.0;
-const HOMOTOPY: f64 = 300.0;
-/// Descents from random controls at most.
-const DRAWN: usize = 80;
-
-/// A sequence as it is remembered: the multiple of the usual elements, and the active sets of the phases of every stage. That of the homotopy, which
-/// has none before it has ended, is empty.
-pub(super) type Sequence = (usize, Vec<Vec<Vec<bool>>>);
+/// A sequence as it is remembered: the active sets of the phases of every stage. That of the homotopy, which has none before it has ended, is empty.
+pub(super) type Sequence = Vec<Vec<Vec<bool>>>;
 
 /// What the program of a sequence begins with.
 #[derive(Clone)]
@@ -52,8 +34,6 @@ pub(super) enum Motion {
     Homotopy,
     /// A simulation of the controls of an answer.
     Traced(Rc<Path>),
-    /// The same, with controls that stay next to those.
-    Held(Rc<Path>),
     /// A solution whose phases are changed.
     Moved { from: Rc<OcpResult>, sizes: Rc<Option<Sizes>>, to: Rc<moves::Sequence> },
     /// Every sequence next to a solution with its own motion.
@@ -68,13 +48,6 @@ pub(super) struct Path {
     room: Room,
 }
 
-impl Path {
-    /// The same simulation with other room.
-    fn in_room(&self, room: Room) -> Rc<Path> {
-        Rc::new(Path { room, ..self.clone() })
-    }
-}
-
 /// What the program of a sequence ended at.
 pub(super) struct Ended {
     /// The problem with its result and what was built for it.
@@ -85,16 +58,10 @@ pub(super) struct Ended {
     pub result: Rc<OcpResult>,
     /// The phases of the solution that it was next to.
     before: Option<Rc<moves::Sequence>>,
-    /// Where descents on simulations lead that begin at it.
-    lower: Vec<Rc<Path>>,
     /// Is it what the homotopy ended at?
     pub homotopy: bool,
-    /// Do derivatives or a descent on simulations say that it is a local optimum?
+    /// Do derivatives say that it is a local optimum?
     pub certified: bool,
-    /// What a descent on simulations says of it, where derivatives do not.
-    pub still: Option<Verdict>,
-    /// Was it compared with a simulation of its controls?
-    verified: bool,
 }
 
 pub(super) type Candidate = search::Candidate<Sequence, Motion>;
@@ -113,12 +80,9 @@ pub(super) struct Filippov<'a> {
     /// Smoothed problems, once they were asked for.
     smoother: Option<Option<Smoother>>,
     asked_homotopy: bool,
-    /// An answer of before, the first motion of all, and the only one of smoothed problems.
-    last: Option<Box<OcpResult>>,
+    /// An answer that is known, the first motion of all and the only one of smoothed problems, and how much of its simulation is kept.
+    known_answer: Option<(Box<OcpResult>, Room)>,
     guessed: bool,
-    sampler: Sampler,
-    numbers: SplitMix64,
-    drawn: usize,
     largest: f64,
     /// Seconds to build problems.
     pub time_build: f64,
@@ -127,7 +91,7 @@ pub(super) struct Filippov<'a> {
 impl<'a> Filippov<'a> {
     pub fn new(
         ocp: &'a Ocp,
-        last: Option<Box<OcpResult>>,
+        known_answer: Option<(Box<OcpResult>, Room)>,
         known: Sizes,
         request: &Request,
         control: &mut Control,
@@ -144,11 +108,8 @@ impl<'a> Filippov<'a> {
             known,
             smoother: None,
             asked_homotopy: false,
-            last,
+            known_answer,
             guessed: false,
-            sampler: Sampler::new(ocp.settings.search_seed as u64),
-            numbers: SplitMix64::new(ocp.settings.search_seed as u64),
-            drawn: 0,
             largest: 0.0,
             time_build: 0.0,
             dcs,
@@ -164,37 +125,27 @@ impl<'a> Filippov<'a> {
     }
 
     fn key(&self, p: &Path) -> Sequence {
-        (p.room.elements, self.ocp.phases_along(&p.from, (&p.traced, p.room), &self.dcs).sets())
+        self.ocp.phases_along(&p.from, (&p.traced, p.room), &self.dcs).sets()
     }
 
     fn candidate(&self, path: Rc<Path>) -> Candidate {
         Candidate::new(self.key(&path), Motion::Traced(path))
     }
 
-    /// The simulation of the guess, or of an answer of before.
-    fn guess(&mut self) -> Result<Vec<Candidate>> {
+    /// The simulation of the answer that is known, or of the guess.
+    fn guess(&mut self) -> Result<Option<Candidate>> {
         if std::mem::replace(&mut self.guessed, true) {
-            return Ok(Vec::new());
+            return Ok(None);
         }
-        if let Some(last) = &self.last {
-            return Ok(self.along(last, NEAR, true)?.map(|p| self.candidate(p)).into_iter().collect());
-        }
-        let from = self.with(self.ocp.control_guess());
-        let Some(path) = self.along(&from, ROUGH, true)? else { return Ok(Vec::new()) };
-        let near = path.in_room(NEAR);
-        let mut out = vec![self.candidate(path)];
-        if self.ocp.u_guess.is_some() {
-            // a guess that meets the constraints is a solution but for its discretisation, whatever its program leads to
-            if let Some(cost) = self.ocp.feasible_cost(&self.template.0, &from, &self.known)? {
-                out.push(Candidate { sequence: (0, self.key(&near).1), motion: Motion::Held(near), promise: cost });
+        let path = match &self.known_answer {
+            Some((answer, room)) => self.along(answer, *room, true)?,
+            None => {
+                let controls = self.ocp.control_guess();
+                let from = OcpResult { control_ends: controls.clone(), controls, ..self.template.1.clone() };
+                self.along(&from, ROUGH, true)?
             }
-        }
-        Ok(out)
-    }
-
-    /// An answer with other controls, and all else as the problem begins.
-    fn with(&self, controls: Vec<f64>) -> OcpResult {
-        OcpResult { control_ends: controls.clone(), controls, ..self.template.1.clone() }
+        };
+        Ok(path.map(|p| self.candidate(p)))
     }
 
     /// The next ladder of smoothed problems: simulations of the controls that it ends at, the narrowest problem first.
@@ -203,8 +154,9 @@ impl<'a> Filippov<'a> {
             self.smoother = Some(self.ocp.smoother(&self.known, &self.request, control)?);
         }
         while let Some(Some(smoother)) = self.smoother.as_mut() {
-            let answers =
-                if self.last.is_some() { smoother.plan_ladder(control) } else { smoother.next_ladder(control) };
+            // what descents ended at is where they led, and no plan
+            let plans = self.known_answer.as_ref().is_some_and(|(_, room)| !room.lowest);
+            let answers = if plans { smoother.plan_ladder(control) } else { smoother.next_ladder(control) };
             let Some(answers) = answers else { break };
             budget.solved(smoother.n(), &std::mem::take(&mut smoother.spent));
             let mut out = Vec::new();
@@ -214,29 +166,6 @@ impl<'a> Filippov<'a> {
             if !out.is_empty() || stop::requested().is_some() {
                 return Ok(out);
             }
-        }
-        Ok(Vec::new())
-    }
-
-    /// A descent on simulations from random controls, the first from the guess.
-    fn sample(&mut self, best: Option<&Ended>, budget: &mut Budget) -> Result<Vec<Candidate>> {
-        if self.drawn < DRAWN && stop::requested().is_none() {
-            self.drawn += 1;
-            let guess = self.ocp.control_guess();
-            let known = best.map_or(&guess[..], |b| &b.result.controls);
-            let controls = match self.drawn {
-                1 => guess,
-                _ => self.sampler.draw(self.ocp.n_stages, &self.ocp.control_ranges(), known),
-            };
-            let from = self.with(self.ocp.within_bounds(controls));
-            // lengths, parameters and initial states are those of the start and random ones in turn
-            let numbers = (self.drawn % 2 == 0).then_some(&mut self.numbers);
-            let shot = self.ocp.shot(&self.template.0, &from, &self.known, numbers)?;
-            let Some((shot, evaluations)) = shot else { return Ok(Vec::new()) };
-            budget.simulated(self.template.0.problem.n(), evaluations);
-            let Some(shot) = shot else { return Ok(vec![nothing()]) };
-            let Some(path) = self.along(&shot.moved, LOWEST, true)? else { return Ok(vec![nothing()]) };
-            return Ok(vec![Candidate { promise: shot.cost, ..self.candidate(path) }]);
         }
         Ok(Vec::new())
     }
@@ -252,13 +181,6 @@ impl<'a> Filippov<'a> {
             Motion::Traced(p) => watched(watch, control, |control| {
                 self.ocp.solve_traced(&p.from, (&p.traced, p.room), &self.known, request, control)
             }),
-            Motion::Held(p) => {
-                let mut near = self.ocp.blank();
-                near.chosen = Some(self.beside(&p.from.controls));
-                let mut one = near.solve_traced(&p.from, (&p.traced, p.room), &self.known, request, control)?;
-                one.chosen.clone_from(&self.ocp.chosen);
-                Ok(one)
-            }
             Motion::Moved { from, sizes, to } => {
                 let mut one = self.ocp.with_sequence(from, to, self.dcs.form(), &self.n_fe)?;
                 one.sizes = Option::clone(sizes);
@@ -273,16 +195,6 @@ impl<'a> Filippov<'a> {
         }
     }
 
-    /// Bounds of controls next to these.
-    fn beside(&self, controls: &[f64]) -> [Vec<f64>; 2] {
-        let ranges = self.ocp.control_ranges();
-        let within = |sign: f64| {
-            let moved = controls.iter().zip(ranges.iter().cycle()).map(|(u, [l, h])| u + sign * HELD * (h - l));
-            self.ocp.within_bounds(moved.collect())
-        };
-        [within(-1.0), within(1.0)]
-    }
-
     /// Where its phases leave elements without length, the same phases with those: the solution is more accurate then.
     fn use_idle(&mut self, s: &mut Ended, budget: &mut Budget, control: &mut Control) -> Result<()> {
         if !s.result.has_idle() || stop::requested().is_some() {
@@ -293,7 +205,7 @@ impl<'a> Filippov<'a> {
         let motion = Motion::Moved { from: s.result.clone(), sizes, to };
         let mut watch = self.watch(f64::INFINITY);
         let one = self.run(&motion, (&mut watch, &self.request), control)?;
-        let next = self.ended(one, 1, budget)?;
+        let next = self.ended(one, budget)?;
         if next.rank.feasible && !next.result.has_idle() && agree(next.result.priced, s.result.priced) {
             *s = Ended { before: s.before.take(), ..next };
         }
@@ -304,8 +216,8 @@ impl<'a> Filippov<'a> {
         EarlyTermination::new(cost, Patience::usual(usize::MAX), self.request.options.solver.tol)
     }
 
-    /// What a program ended at, on so many times the usual elements.
-    fn ended(&mut self, one: Box<Ocp>, elements: usize, budget: &mut Budget) -> Result<Ended> {
+    /// What a program ended at.
+    fn ended(&mut self, one: Box<Ocp>, budget: &mut Budget) -> Result<Ended> {
         let r = one.last_result()?;
         budget.solved(r.dimensions.0, &r.stats);
         self.time_build += r.time_build;
@@ -315,70 +227,14 @@ impl<'a> Filippov<'a> {
             rank.violation = f64::INFINITY;
         }
         Ok(Ended {
-            sequence: (elements, s.sets()),
+            sequence: s.sets(),
             rank,
             result: Rc::new(r.clone()),
             before: None,
-            lower: Vec::new(),
             homotopy: false,
             certified: false,
-            still: None,
-            verified: false,
             one: Rc::new(RefCell::new(one)),
         })
-    }
-
-    /// Where descents on simulations lead that begin at a solution which is no local optimum by its derivatives, and on the sides of its kinks.
-    fn descend(&mut self, s: &mut Ended, o: &Optimality, budget: &mut Budget) -> Result<()> {
-        let elsewhere = o.reason == OTHER;
-        if !elsewhere && !o.asks_for_descent() {
-            return Ok(());
-        }
-        let sides = std::iter::once(&o.direction).chain(&o.beyond).filter(|d| !d.is_empty());
-        let own = s.result.controls.clone();
-        let sides = sides.map(|d| self.ocp.moved(&own, d, SIDE));
-        let starts: Vec<Vec<f64>> = std::iter::once(own.clone()).chain(sides).collect();
-        let mut at = None;
-        for (i, controls) in starts.iter().enumerate() {
-            if stop::requested().is_some() {
-                break;
-            }
-            let Some(d) = self.ocp.descend(&s.one.borrow(), &self.known, controls)? else { continue };
-            budget.simulated(s.result.dimensions.0, d.evaluations);
-            if i == 0 && !elsewhere {
-                (at, s.still) = (Some(d.before), d.still);
-            }
-            if i == 0 && d.still.is_some_and(|v| v != Verdict::Unknown) {
-                break;
-            }
-            if at.is_some_and(|at| !d.betters(at)) {
-                continue;
-            }
-            s.lower.extend(self.along(&d.moved, LOWEST, true)?);
-        }
-        Ok(())
-    }
-}
-
-impl Filippov<'_> {
-    /// Of what costs the same, puts the first that is known to be an optimum before the others.
-    pub fn settle(&mut self, all: &mut [(Ended, Sequence)], budget: &mut Budget, control: &mut Control) -> Result<()> {
-        let Some(most) = all.first().map(|b| b.0.rank.cost + SAME * b.0.rank.cost.abs()) else { return Ok(()) };
-        for k in 0..all.len() {
-            let s = &mut all[k].0;
-            if !s.rank.feasible || s.rank.cost > most || stop::requested().is_some() {
-                break;
-            }
-            let has_built = s.one.borrow().built.is_some();
-            if !s.verified && has_built {
-                self.verify(s, budget, control)?;
-            }
-            if s.certified && !s.rank.contradicted && s.rank.cost <= most {
-                all[..=k].rotate_right(1);
-                break;
-            }
-        }
-        Ok(())
     }
 }
 
@@ -397,26 +253,17 @@ impl Space for Filippov<'_> {
     fn propose(
         &mut self,
         source: Source,
-        best: Option<&Ended>,
+        _: Option<&Ended>,
         budget: &mut Budget,
         control: &mut Control,
     ) -> Result<Vec<Candidate>> {
         match source {
-            Source::Guess => self.guess(),
+            Source::Guess => Ok(self.guess()?.into_iter().collect()),
             Source::Smoothing => self.smoothed(budget, control),
-            Source::Samples => self.sample(best, budget),
             Source::Relaxation if !std::mem::replace(&mut self.asked_homotopy, true) => {
                 Ok(vec![Candidate::new(Sequence::default(), Motion::Homotopy)])
             }
             _ => Ok(Vec::new()),
-        }
-    }
-
-    fn expected(&self, source: Source) -> Option<f64> {
-        let n = self.template.0.problem.n() as f64;
-        match source {
-            Source::Relaxation => Some(HOMOTOPY * n),
-            _ => Some(PROGRAM * n),
         }
     }
 
@@ -430,7 +277,7 @@ impl Space for Filippov<'_> {
         let mut watch = self.watch(limits.cost);
         let mut one = self.run(&c.motion, (&mut watch, &self.request), control)?;
         one.result = one.result.take().map(|r| r.given_up(&watch));
-        let mut ended = self.ended(one, c.sequence.0, budget)?;
+        let mut ended = self.ended(one, budget)?;
         if ended.rank.feasible {
             self.largest = self.largest.max(ended.result.priced.abs()).max(watch.largest_feasible);
         }
@@ -442,9 +289,7 @@ impl Space for Filippov<'_> {
             }
             _ => {}
         }
-        // what costs as much may be known to be an optimum where the best is not
-        let dear = ended.rank.cost > limits.cost + SAME * limits.cost.abs();
-        if !ended.homotopy && (dear || !ended.rank.feasible) {
+        if !ended.homotopy && (ended.rank.cost > limits.cost || !ended.rank.feasible) {
             // what is no candidate for the best keeps its result alone
             let one = &mut *ended.one.borrow_mut();
             (one.built, one.engine) = (None, None);
@@ -456,15 +301,17 @@ impl Space for Filippov<'_> {
         Rank { rounding: f64::EPSILON * self.largest, ..s.rank }
     }
 
-    /// Says whether the controls of a solution lead to it, and whether it is a local optimum. What touches a surface that it does not cross is replaced
-    /// by what keeps clear of it.
+    /// Says whether the controls of a solution lead to it, and whether it is a local optimum by its derivatives. What touches a surface that it does not
+    /// cross is replaced by what keeps clear of it.
     fn verify(&mut self, s: &mut Ended, budget: &mut Budget, control: &mut Control) -> Result<()> {
         self.use_idle(s, budget, control)?;
-        s.verified = true;
         let mut simulated = s.one.borrow_mut().simulated(&self.request)?;
-        let elsewhere = s.one.borrow_mut().leads_elsewhere()?;
+        let judged = s.one.borrow_mut().judged()?;
+        let elsewhere = judged.as_ref().is_some_and(|o| o.reason == OTHER);
+        // the derivatives of what is held at a surface may be those of one side
+        let one_sided = judged.is_some_and(|o| o.verdict == Verdict::NotOptimal);
         let mut follows = !elsewhere && simulated.as_ref().is_none_or(Accuracy::follows);
-        if !follows || s.one.borrow().dips() {
+        if !follows || one_sided || s.one.borrow().dips() {
             let one = s.one.clone();
             let mut spent = Vec::new();
             let clear =
@@ -473,7 +320,9 @@ impl Space for Filippov<'_> {
             if let Some(mut clear) = clear {
                 let again = clear.simulated(&self.request)?;
                 let cost = |one: &Ocp, a: &Option<Accuracy>| a.as_ref().map_or(f64::INFINITY, |a| one.cost_in(a));
-                if !follows || cost(&clear, &again) < cost(&one.borrow(), &simulated) {
+                let [other, own] = [cost(&clear, &again), cost(&one.borrow(), &simulated)];
+                let certain = one_sided && agree(other, own) && clear.judged()?.is_some_and(|o| o.is_optimum());
+                if !follows || certain || other < own {
                     let r = clear.last_result()?.clone();
                     s.rank = r.rank(r.priced, self.largest);
                     (s.result, s.one) = (Rc::new(r), Rc::new(RefCell::new(clear)));
@@ -481,58 +330,35 @@ impl Space for Filippov<'_> {
                 }
             }
         }
-        let Some(o) = s.one.borrow_mut().judged()? else { return Ok(()) };
-        let one = s.one.borrow();
+        let mut one = s.one.borrow_mut();
+        let Some(o) = one.judged()? else { return Ok(()) };
         let costs = simulated.filter(|_| one.costs_compare()).map(|a| one.cost_in(&a));
-        drop(one);
         s.rank.contradicted = !follows || costs.is_some_and(|c| !agree(c, s.result.priced));
         s.rank.cost = costs.unwrap_or(s.result.priced);
-        self.descend(s, &o, budget)?;
-        let optimum = |v: Verdict| matches!(v, Verdict::LocalOptimum | Verdict::Kink);
-        s.certified = optimum(o.verdict) || s.still.is_some_and(optimum);
+        s.certified = o.is_optimum();
         Ok(())
     }
 
-    /// Where descents on simulations lead, the same on finer grids where simulations contradict it, and sequences with switches in other stages and
-    /// without short phases. Nothing next to a local optimum is better near by.
+    /// Sequences with switches in other stages and without short phases. Nothing next to a local optimum is better near by.
     fn neighbours(&self, s: &Ended) -> (Vec<Neighbour<Sequence>>, Motion) {
-        if s.result.outcome == Outcome::Failed {
+        if s.result.outcome == Outcome::Failed || s.homotopy && s.result.polish != Polish::Done {
+            // it has no exact phases
             return (Vec::new(), Motion::Homotopy);
         }
         let mut beside = BTreeMap::new();
         let mut out: Vec<Neighbour<Sequence>> = Vec::new();
-        let mut add = |sequence: Sequence, motion: Motion, promise: f64, kind: usize, is_local: bool| {
-            if sequence != s.sequence && !beside.contains_key(&sequence) {
-                beside.insert(sequence.clone(), motion);
-                out.push(Neighbour { sequence, promise, kind, is_local });
-            }
-        };
-        // a finer grid is for what simulations do not confirm
-        let own = if s.rank.contradicted || s.homotopy && !s.rank.feasible {
-            self.along(&s.result, NEAR, true).ok().flatten()
-        } else {
-            None
-        };
-        let below = s.lower.iter().map(|p| (p, 0, -1.0));
-        for (p, kind, promise) in below.chain(own.iter().map(|p| (p, 1, 0.0))) {
-            for elements in [1, FINER[0], FINER[1]] {
-                let p = p.in_room(Room { elements, ..p.room });
-                let promise = if elements == 1 { promise } else { 0.0 };
-                add(self.key(&p), Motion::Traced(p), promise, kind, !s.certified);
-            }
-        }
-        if s.homotopy && s.result.polish != Polish::Done {
-            // it has no exact phases
-            return (out, Motion::Beside(Rc::new(beside)));
-        }
         let now = moves::Sequence::of(&s.result);
         let sizes = Rc::new(s.one.borrow().sizes.clone());
         let further = s.before.as_ref().and_then(|before| now.beyond(before));
-        let next = now.neighbours(&self.groups, &self.across).into_iter().map(|s| (3, s));
-        for (kind, to) in further.map(|s| (2, s)).into_iter().chain(next) {
-            let sequence = (1, to.sets());
+        let next = now.neighbours(&self.groups, &self.across).into_iter().map(|s| (1, s));
+        for (kind, to) in further.map(|s| (0, s)).into_iter().chain(next) {
+            let sequence = to.sets();
+            if sequence == s.sequence || beside.contains_key(&sequence) {
+                continue;
+            }
             let motion = Motion::Moved { from: s.result.clone(), sizes: sizes.clone(), to: Rc::new(to) };
-            add(sequence, motion, 0.0, kind, !s.certified);
+            beside.insert(sequence.clone(), motion);
+            out.push(Neighbour { sequence, promise: 0.0, kind, is_local: !s.certified });
         }
         (out, Motion::Beside(Rc::new(beside)))
     }
@@ -543,11 +369,6 @@ impl Space for Filippov<'_> {
             other => other.clone(),
         }
     }
-}
-
-/// A candidate that leads nowhere.
-fn nothing() -> Candidate {
-    Candidate { sequence: Sequence::default(), motion: Motion::Homotopy, promise: f64::INFINITY }
 }
 
 /// The discretised problem at its starting point, and that as an answer.

@@ -204,19 +204,14 @@ impl Optimality {
         self.direction.clear();
     }
 
+    /// Is it known to be a local optimum?
+    pub(super) fn is_optimum(&self) -> bool {
+        matches!(self.verdict, Verdict::LocalOptimum | Verdict::Kink | Verdict::Global)
+    }
+
     /// What was found says nothing of the control problem, and why. A direction in which the cost falls stays one to try.
     pub(super) fn withdraw(&mut self, reason: &'static str) {
         (self.verdict, self.reason, self.gap) = (Verdict::Unknown, reason, f64::NAN);
-    }
-
-    /// Can a descent on simulations say more than the derivatives do?
-    pub(super) fn asks_for_descent(&self) -> bool {
-        self.is_open() || !self.beyond.is_empty()
-    }
-
-    /// Is it neither an optimum nor a kink, although the controls lead to the answer?
-    pub(super) fn is_open(&self) -> bool {
-        self.verdict == Verdict::NotOptimal || [WITHOUT_DERIVATIVES, UNDECIDED].contains(&self.reason)
     }
 
     pub(super) fn unknown(reason: &'static str) -> Optimality {

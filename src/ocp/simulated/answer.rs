@@ -8,7 +8,7 @@ use crate::fesd::{Element, Trajectory};
 use crate::mpcc::Polish;
 use crate::nlp::{Outcome, Residuals};
 use crate::ocp::descent::{missed, violation, Chain, Lowest, Motion, Program, Shooting, Values};
-use crate::ocp::request::Request;
+use crate::ocp::request::{Comparison, Request};
 use crate::ocp::transitions::{JumpMade, AT_END};
 use crate::ocp::{stage_times, Adaptation, Contacts, Ocp, OcpResult, Round};
 use crate::tableau::{Family, Tableau};
@@ -125,6 +125,8 @@ impl Ocp {
         let beside = self.write_motion(motion, shooting.n_front(), &mut r)?;
         r.residuals.dual = lowest.left;
         if let (Some(c), true) = (request.comparison, solved) {
+            // where modes are those of the state the motion has to go on from there by itself
+            let c = Comparison { by_stage: c.by_stage || !shooting.goes_on(), ..c };
             let found = self.compare_motion(&r, &beside, c, &request.options)?;
             let other = found.contradicts(self.cost_size(r.priced));
             r.accuracy = Some(found);

@@ -10,12 +10,12 @@
 
 mod answer;
 mod derivatives;
+mod landed;
 mod path;
 mod space;
 
-use std::time::Instant;
-
 use self::answer::{End, Own};
+pub(super) use self::landed::Landed;
 use self::space::{descend, Simulations, MET};
 use super::accuracy::Accuracy;
 use super::between::Between;
@@ -30,7 +30,7 @@ use super::solve::Start;
 use super::{stage_times, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
-use crate::nlp::{Control, Outcome};
+use crate::nlp::{allowance, Control, Outcome};
 use crate::search::{self, explore, Budget, Source};
 use crate::settings::{OcpStart, Settings};
 use crate::stop::{self, Why};
@@ -59,7 +59,9 @@ impl Base {
     fn given(&self, ocp: &Ocp, cuts: &[Vec<f64>]) -> Given<'_> {
         let Base { usual, durations, x0, cost, .. } = self;
         let (cuts, before, order) = (cuts.to_vec(), Preceding::default(), ocp.modes.as_ref().map(ModeOrder::given));
-        Given { durations, x0, cost: *cost, usual, cuts, goes_on: true, order, before }
+        // modes are those of the state, where nothing has a memory that it does not tell
+        let goes_on = ocp.is_simulated() || ocp.is_scene() || ocp.has_transitions();
+        Given { durations, x0, cost: *cost, usual, cuts, goes_on, order, before }
     }
 
     /// The problem in the variables of descents.
@@ -83,6 +85,8 @@ pub(super) struct Task<'a> {
     pub ocps: Vec<&'a mut Ocp>,
     pub links: &'a [Vec<Link>],
     pub settings: &'a Settings,
+    /// Multiple of the effort of a search; with zero descents begin at answers of before alone.
+    pub effort: f64,
 }
 
 /// What stands for all that is not varied in a problem, and where constraints are looked at.
@@ -114,6 +118,8 @@ pub(super) struct State {
     pub only: bool,
     /// The end of the last solve.
     pub last: Option<Box<Last>>,
+    /// Is the last answer one of descents, and not of a program?
+    pub leads: bool,
 }
 
 /// Do finite elements and programs of modes not follow a system that is simulated?
@@ -194,7 +200,6 @@ impl Ocp {
 
     /// Solves by shooting; a warm start begins with the last answer.
     pub(super) fn solve_simulated(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<()> {
-        let clock = Instant::now();
         self.check_simulated()?;
         self.simulated.last = None;
         let shifted = self.shifted.take().filter(|_| start == Start::Warm).map(|r| *r);
@@ -203,16 +208,8 @@ impl Ocp {
         if let Some(r) = last.as_mut() {
             self.restate_start(r);
         }
-        let base = self.base(last.as_ref())?;
-        let settings = self.settings;
-        let mut task = Task { ocps: vec![self], links: &[], settings: &settings };
-        let mut found = task.solve(vec![base], last.as_ref().map(std::slice::from_ref), request, control)?;
-        let mut result = found.results.pop().ok_or_else(|| Error::Internal("a search without an answer".into()))?;
-        result.stats.time_total = clock.elapsed().as_secs_f64();
-        self.result = Some(result);
-        let (mut bases, mut cuts) = found.parts;
-        let last = bases.pop().zip(cuts.pop());
-        self.simulated.last = last.map(|(base, cuts)| Box::new(Last { base, cuts, lowest: found.lowest }));
+        let landed = self.land(last.as_ref(), 1.0, request, control)?;
+        self.adopt_landed(landed);
         Ok(())
     }
 
@@ -269,20 +266,26 @@ impl Task<'_> {
         let mut budget = Budget::new(f64::INFINITY);
         let cuts = self.ocps.iter().zip(&bases).map(|(o, b)| b.first_cuts(o)).collect();
         let mut parts: Parts = (bases, cuts);
-        let found = control.sooner(SEARCH, |control| self.search(&parts, last, request, &mut budget, control))?;
+        let (found, stopped) = control.sooner(SEARCH, |control| {
+            let found = self.search(&parts, last, request, &mut budget, control)?;
+            Ok::<_, Error>((found, stop::requested()))
+        })?;
         let Some(mut lowest) = found.all.into_iter().next().map(|f| f.0) else {
             let given = self.ocps.iter().any(|o| o.modes.is_some());
             let none = match given {
+                _ if allowance::is_over() => "all max_iter iterations were spent before a simulation: allow more",
                 true => "no controls that were tried lead to the modes that are given: guess controls that do, or take the modes back",
                 false => "no controls that were tried could be simulated to the end of the horizon: give a guess of the controls that can",
             };
             return Err(stop::requested().map_or_else(|| Error::Numeric(none.into()), |why| why.error()));
         };
-        let mut cut = (found.ended == search::Ended::Limit).then(|| stop::requested().unwrap_or(Why::Interrupted));
+        // iterations that are spent are no reason to stop
+        let limited = found.ended == search::Ended::Limit && (stopped.is_some() || !allowance::is_over());
+        let mut cut = limited.then(|| stopped.unwrap_or(Why::Interrupted));
         for round in 0..=ROUNDS {
             let mut chain = self.chain(&parts)?;
             let before: Vec<usize> = chain.steps().map(|s| s.1).collect();
-            if cut.is_none() {
+            if cut.is_none() && !allowance::is_over() {
                 match finish(&mut chain, lowest.clone(), control, &mut budget) {
                     Ok(better) => lowest = better,
                     Err(Error::Interrupted | Error::OutOfTime) => {
@@ -317,6 +320,7 @@ impl Task<'_> {
                 }
                 r.stats = budget.stats;
                 cut.into_iter().for_each(|why| r.tell_cut(why));
+                r.tell_spent(request);
             }
             return Ok(Found { results, missed, link_violation, parts, lowest });
         }
@@ -346,13 +350,15 @@ impl Task<'_> {
         let plan = |sources: &[Source], effort: f64| plan(self.settings, sources, effort, request.search, !has_costs);
         if last.is_some() {
             let found = explore(&mut space, &plan(&[Source::Guess], 0.0), Vec::new(), budget, control)?;
-            if found.all.first().is_some_and(|f| f.0.violation <= MET) || stop::requested().is_some() {
+            let met = found.all.first().is_some_and(|f| f.0.violation <= MET);
+            if met || self.effort == 0.0 || stop::requested().is_some() {
                 return Ok(found);
             }
         }
         let samples = has_costs && request.start != OcpStart::Homotopy;
         let sources = [Source::Simulation, Source::Samples];
-        let plan = plan(if samples { &sources } else { &sources[..1] }, self.settings.search_effort);
+        let effort = self.effort * self.settings.search_effort;
+        let plan = plan(if samples { &sources } else { &sources[..1] }, effort);
         explore(&mut space, &plan, Vec::new(), budget, control)
     }
 

@@ -3,9 +3,9 @@
 use std::rc::Rc;
 
 use crate::error::{Error, Result};
-use crate::nlp::{Control, IterationInfo, Outcome};
-use crate::ocp::descent::{self, minimise, restore, Chain, GiveUp, Lowest, Program, Values};
-use crate::ocp::{stage_times, transitions, Ocp, OcpResult};
+use crate::nlp::{allowance, Control, IterationInfo, Outcome};
+use crate::ocp::descent::{self, minimise, restore, Chain, GiveUp, Lowest, Program, Shooting, Values};
+use crate::ocp::{stage_times, transitions, OcpResult};
 use crate::search::{Budget, Candidate, EarlyTermination, Limits, Neighbour, Patience, Rank, Sampler, Source, Space};
 use crate::settings::Settings;
 use crate::stop;
@@ -31,11 +31,15 @@ pub(super) struct Simulations<'a> {
     last: Option<&'a [OcpResult]>,
     /// Controls of every problem that are tried without a search, those that come first last.
     controls: Vec<Vec<[Vec<f64>; 2]>>,
+    /// Does nothing else follow the system? What promises no gain is left out then: descents through many contacts take long.
+    alone: bool,
     /// Does a candidate lead along a way before all others?
     follows: bool,
     sampler: Sampler,
     /// The cost of the best solution, and of where its descent began how far that was from the constraints and its cost.
     best: Option<(f64, [f64; 2])>,
+    /// Its variables.
+    lowest: Option<Vec<f64>>,
 }
 
 /// Constant controls, at both ends of stages.
@@ -51,8 +55,9 @@ impl<'a> Simulations<'a> {
         let nth = |k: usize| each.iter().map(|c| constant(c.get(k).unwrap_or(&c[0]).clone())).collect();
         let controls = (0..most).rev().map(nth).collect();
         let sampler = Sampler::new(settings.search_seed as u64);
+        let alone = chain.parts().iter().any(|p| p.ocp().is_simulated());
         let follows = chain.parts().iter().all(|p| p.ocp().u_guess.is_none());
-        Simulations { chain, settings, last, controls, follows, sampler, best: None }
+        Simulations { chain, settings, last, controls, alone, follows, sampler, best: None, lowest: None }
     }
 
     fn candidate(&mut self, controls: &[[Vec<f64>; 2]]) -> Result<Proposal> {
@@ -89,7 +94,7 @@ impl<'a> Simulations<'a> {
 
     /// May a descent from here lead to less than the best one? Not where its start was no further from the constraints and no dearer.
     fn promises(&self, place: &[f64; 2]) -> bool {
-        self.best.as_ref().is_none_or(|(_, best)| place[0] < best[0] || place[1] < best[1])
+        !self.alone || self.best.as_ref().is_none_or(|(_, best)| place[0] < best[0] || place[1] < best[1])
     }
 
     /// The next controls that are tried without a search.
@@ -115,18 +120,20 @@ impl<'a> Simulations<'a> {
 
     /// Random controls that promise something, those first whose simulations miss the constraints least and cost least.
     fn samples(&mut self, budget: &mut Budget) -> Result<Vec<Proposal>> {
-        let ocps: Vec<&Ocp> = self.chain.parts().iter().map(|p| p.ocp()).collect();
         let mut found: Vec<([f64; 2], Proposal)> = Vec::new();
-        for _ in 0..self.settings.search_samples {
+        for drawn in 0..self.settings.search_samples {
             if stop::requested().is_some() {
                 break;
             }
+            let lowest = self.lowest.as_ref().filter(|_| drawn % 2 == 0);
             let sampler = &mut self.sampler;
-            let mut draw = |o: &Ocp| {
-                let drawn = sampler.draw(o.n_stages, &o.control_ranges(), &o.control_guess());
-                constant(o.within_bounds(drawn))
+            let draw = |p: &Shooting| {
+                let o = p.ocp();
+                // the guess and the best in turn
+                let known = lowest.as_ref().map_or_else(|| o.control_guess(), |z| p.user_controls(z)[0].clone());
+                constant(o.within_bounds(sampler.draw(o.n_stages, &o.control_ranges(), &known)))
             };
-            let controls: Vec<[Vec<f64>; 2]> = ocps.iter().map(|o| draw(o)).collect();
+            let controls: Vec<[Vec<f64>; 2]> = self.chain.parts().iter().map(draw).collect();
             let candidate = self.candidate(&controls)?;
             let Some(place) = self.place(&candidate.motion, budget)? else { continue };
             found.push((place, candidate));
@@ -209,6 +216,7 @@ impl Space for Simulations<'_> {
         let better = |f: &&Lowest| f.violation <= MET && self.best.is_none_or(|(cost, _)| f.cost < cost);
         if let Some(cost) = found.as_ref().filter(better).map(|f| f.cost) {
             self.best = self.place(&candidate.motion, budget)?.map(|place| (cost, place));
+            self.lowest = found.as_ref().map(|f| f.z.clone());
         }
         Ok(found.map(|f| (candidate.sequence.clone(), f)).into_iter().collect())
     }
@@ -229,7 +237,7 @@ impl Space for Simulations<'_> {
     }
 }
 
-/// A descent that is reported, unless `watch` gives it up; nothing where it does not begin.
+/// A descent whose steps are reported, unless `watch` gives it up; nothing where it does not begin. Its simulations count as iterations of the call.
 pub(super) fn descend(
     program: &mut dyn Program,
     z: &[f64],
@@ -237,14 +245,21 @@ pub(super) fn descend(
     watch: GiveUp,
     control: &mut Control,
 ) -> Result<Option<Lowest>> {
-    let found = minimise(program, z, evaluations, watch)?;
-    if let (Some(f), Some(monitor)) = (&found, control.monitor.as_mut()) {
-        let told = IterationInfo { iter: f.evaluations, objective: f.cost, inf_pr: f.violation, ..Default::default() };
-        if !monitor(&told) {
-            return Err(Error::Interrupted);
-        }
+    if allowance::is_over() {
+        return Ok(None);
     }
-    Ok(found)
+    let mut goes_on = true;
+    let mut told = |i: &IterationInfo| {
+        goes_on = control.monitor.as_mut().is_none_or(|f| f(i));
+        !goes_on || watch(i)
+    };
+    let found = minimise(program, z, evaluations.min(allowance::left()), &mut told)?;
+    allowance::spend(found.as_ref().map_or(1, |f| f.evaluations));
+    if goes_on {
+        Ok(found)
+    } else {
+        Err(Error::Interrupted)
+    }
 }
 
 /// How a descent ended that meets no constraint: whether no direction leads to less violation.

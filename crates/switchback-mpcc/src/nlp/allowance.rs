@@ -29,11 +29,11 @@ pub fn is_over() -> bool {
     left() == 0
 }
 
-/// Counts an iteration.
-pub(super) fn spend() {
+/// Counts iterations.
+pub fn spend(iterations: usize) {
     match LEFT.get() {
         usize::MAX => {}
-        n => LEFT.set(n.saturating_sub(1)),
+        n => LEFT.set(n.saturating_sub(iterations)),
     }
 }
 
@@ -72,15 +72,15 @@ mod tests {
     fn iterations_count_in_all_scopes_around_them() {
         assert!(!is_over());
         within(5, || {
-            spend();
+            spend(1);
             within(2, || {
-                spend();
-                apart(|| (0..9).for_each(|_| spend()));
+                spend(1);
+                apart(|| (0..9).for_each(|_| spend(1)));
                 assert_eq!(left(), 1);
                 but_one(|| assert!(is_over()));
-                spend();
+                spend(1);
                 assert!(is_over());
-                spend();
+                spend(1);
             });
             assert_eq!(left(), 2);
             within(9, || assert_eq!(left(), 2));

@@ -205,9 +205,9 @@ impl Control<'_> {
         self.with_info(|i| IterationInfo { phase, ..*i }, body)
     }
 
-    /// Runs `body` with a control that reports every iteration with the cost of the best solution so far.
+    /// Runs `body` with a control that reports every iteration with the cost of the best solution so far, unless it knows of a better one.
     pub fn with_incumbent<R>(&mut self, incumbent: f64, body: impl FnOnce(&mut Control) -> R) -> R {
-        self.with_info(|i| IterationInfo { incumbent, ..*i }, body)
+        self.with_info(|i| IterationInfo { incumbent: i.incumbent.min(incumbent), ..*i }, body)
     }
 
     /// Runs `body` with a control whose monitor is told what `of` makes of an iteration.

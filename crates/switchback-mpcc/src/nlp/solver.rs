@@ -516,7 +516,7 @@ impl Ipm {
                 }
             }
             self.stats.iterations += 1;
-            allowance::spend();
+            allowance::spend(1);
             self.stats.max_delta_w = self.stats.max_delta_w.max(self.system.delta_w);
         }
     }
