@@ -162,9 +162,6 @@ pub struct Optimality {
     pub direction: Vec<f64>,
     /// Are there constraints along the path that act, or may act, with other multipliers than those of the answer?
     others: bool,
-    /// The same towards the sides of kinks on which the surface is not reached, or not left again: nothing but a simulation says what
-    /// the cost is there.
-    pub(super) beyond: Vec<Vec<f64>>,
 }
 
 impl Kink {
@@ -189,9 +186,8 @@ impl Optimality {
             None if kinks.is_empty() => (Verdict::LocalOptimum, ""),
             None => (Verdict::Kink, compared),
         };
-        let (direction, beyond) = Default::default();
         let gap = f64::NAN;
-        Optimality { verdict, reason, gap, residual, gradient, kinks, direction, others: false, beyond }
+        Optimality { verdict, reason, gap, residual, gradient, kinks, direction: Vec::new(), others: false }
     }
 
     /// A descent on simulations from the answer led nowhere: it is what that says, and there is no direction.
@@ -215,9 +211,9 @@ impl Optimality {
     }
 
     pub(super) fn unknown(reason: &'static str) -> Optimality {
-        let (gradient, kinks, direction, beyond) = Default::default();
+        let (gradient, kinks, direction) = Default::default();
         let (verdict, gap, residual) = (Verdict::Unknown, f64::NAN, f64::NAN);
-        Optimality { verdict, reason, gap, residual, gradient, kinks, direction, others: false, beyond }
+        Optimality { verdict, reason, gap, residual, gradient, kinks, direction, others: false }
     }
 }
 

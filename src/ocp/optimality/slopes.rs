@@ -337,13 +337,8 @@ impl Quantities {
             // what least squares leave goes along the constraints that act
             None => scaled(users().map(|f| -f.size * f.left(&c)).collect()),
         };
-        // what is behind a jump is another choice of the controls, and looked at as such
-        let unreached = (0..found.len()).filter(|&i| {
-            (found[i].before.is_nan() || found[i].after.is_nan()) && !matches!(kinks[i].kind, Kind::Jump { .. })
-        });
-        let beyond = unreached.map(|i| scaled(across(i, found[i].before.is_nan()))).filter(|d| !d.is_empty()).collect();
         let gradient = users().map(|f| f.slopes[0] + dot(&c, &f.slopes[1..])).collect();
         let gap = f64::NAN;
-        Optimality { verdict, reason, gap, residual, gradient, kinks: found, direction, others: false, beyond }
+        Optimality { verdict, reason, gap, residual, gradient, kinks: found, direction, others: false }
     }
 }
