@@ -881,8 +881,10 @@ impl<'a> Shooting<'a> {
         if f.hessian(&at, &[1.0], &mut entries, &mut work).is_err() || entries.iter().any(|v| !v.is_finite()) {
             return;
         }
-        let mut inputs: Vec<usize> =
-            (0..d.n_in()).flat_map(|j| pattern.rows(j).iter().flat_map(move |&i| [i, j])).collect();
+        let mut inputs = Vec::with_capacity(2 * pattern.nnz());
+        for j in 0..d.n_in() {
+            pattern.rows(j).iter().for_each(|&i| inputs.extend_from_slice(&[i, j]));
+        }
         inputs.sort_unstable();
         inputs.dedup();
         if inputs.is_empty() {
