@@ -88,12 +88,11 @@ impl Ocp {
                 return self.spent_in_all(&out, clock);
             }
         }
-        if let Some(closest) = all.iter().find(|f| f.0.result.outcome == Outcome::MaxIter && allowance::is_over()) {
+        let cut_off = |f: &&(Ended, Sequence)| f.0.result.outcome == Outcome::MaxIter;
+        if let Some(closest) = all.iter().find(cut_off).filter(|_| best.is_none() && allowance::is_over()) {
             // out of iterations: what violates constraints least, or what is cheapest and no solution yet
-            if best.is_none() {
-                self.result = Some(OcpResult::clone(&closest.0.result));
-                return self.spent_in_all(&out, clock);
-            }
+            self.result = Some(OcpResult::clone(&closest.0.result));
+            return self.spent_in_all(&out, clock);
         }
         // where nothing has a solution the homotopy says why
         let homotopy = all.iter().position(|f| f.0.homotopy);

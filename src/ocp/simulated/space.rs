@@ -36,10 +36,16 @@ pub(super) struct Simulations<'a> {
     /// Does a candidate lead along a way before all others?
     follows: bool,
     sampler: Sampler,
-    /// The cost of the best solution, and of where its descent began how far that was from the constraints and its cost.
-    best: Option<(f64, [f64; 2])>,
+    best: Option<Best>,
+}
+
+/// The best solution so far.
+struct Best {
+    cost: f64,
     /// Its variables.
-    lowest: Option<Vec<f64>>,
+    z: Vec<f64>,
+    /// Where its descent began: how far that was from the constraints, and its cost.
+    start: [f64; 2],
 }
 
 /// Constant controls, at both ends of stages.
@@ -57,7 +63,7 @@ impl<'a> Simulations<'a> {
         let sampler = Sampler::new(settings.search_seed as u64);
         let alone = chain.parts().iter().any(|p| p.ocp().is_simulated());
         let follows = chain.parts().iter().all(|p| p.ocp().u_guess.is_none());
-        Simulations { chain, settings, last, controls, alone, follows, sampler, best: None, lowest: None }
+        Simulations { chain, settings, last, controls, alone, follows, sampler, best: None }
     }
 
     fn candidate(&mut self, controls: &[[Vec<f64>; 2]]) -> Result<Proposal> {
@@ -94,7 +100,7 @@ impl<'a> Simulations<'a> {
 
     /// May a descent from here lead to less than the best one? Not where its start was no further from the constraints and no dearer.
     fn promises(&self, place: &[f64; 2]) -> bool {
-        !self.alone || self.best.as_ref().is_none_or(|(_, best)| place[0] < best[0] || place[1] < best[1])
+        !self.alone || self.best.as_ref().is_none_or(|b| place[0] < b.start[0] || place[1] < b.start[1])
     }
 
     /// The next controls that are tried without a search.
@@ -125,12 +131,12 @@ impl<'a> Simulations<'a> {
             if stop::requested().is_some() {
                 break;
             }
-            let lowest = self.lowest.as_ref().filter(|_| drawn % 2 == 0);
+            // the guess and the best in turn
+            let best = self.best.as_ref().filter(|_| drawn % 2 == 0);
             let sampler = &mut self.sampler;
             let draw = |p: &Shooting| {
                 let o = p.ocp();
-                // the guess and the best in turn
-                let known = lowest.as_ref().map_or_else(|| o.control_guess(), |z| p.user_controls(z)[0].clone());
+                let [known, _] = best.map_or_else(|| constant(o.control_guess()), |b| p.user_controls(&b.z));
                 constant(o.within_bounds(sampler.draw(o.n_stages, &o.control_ranges(), &known)))
             };
             let controls: Vec<[Vec<f64>; 2]> = self.chain.parts().iter().map(draw).collect();
@@ -213,10 +219,9 @@ impl Space for Simulations<'_> {
         self.count(&before, budget);
         budget.stats.iterations += found.as_ref().map_or(1, |f| f.evaluations);
         budget.stats.evaluations += found.as_ref().map_or(1, |f| f.evaluations);
-        let better = |f: &&Lowest| f.violation <= MET && self.best.is_none_or(|(cost, _)| f.cost < cost);
-        if let Some(cost) = found.as_ref().filter(better).map(|f| f.cost) {
-            self.best = self.place(&candidate.motion, budget)?.map(|place| (cost, place));
-            self.lowest = found.as_ref().map(|f| f.z.clone());
+        let better = |f: &&Lowest| f.violation <= MET && self.best.as_ref().is_none_or(|b| f.cost < b.cost);
+        if let Some((cost, z)) = found.as_ref().filter(better).map(|f| (f.cost, f.z.clone())) {
+            self.best = self.place(&candidate.motion, budget)?.map(|start| Best { cost, z, start });
         }
         Ok(found.map(|f| (candidate.sequence.clone(), f)).into_iter().collect())
     }
