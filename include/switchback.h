@@ -5511,7 +5511,7 @@ swb_status swb_trajectory_stage_states(const struct swb_trajectory *trajectory,
                                        int64_t n);
 
 /**
- * Convex multipliers of the modes at the stage points.
+ * Convex multipliers of the modes at the stage points; NaN where the states are those of a simulation and several modes are active.
  *
  * @param[out] theta [n] n_elements * n_s * n_modes, the multipliers of one point together
  * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
@@ -8570,8 +8570,7 @@ swb_status swb_ocp_multiplier_sizes(struct swb_ocp *ocp,
                                     int64_t *width);
 
 /**
- * Multipliers of the last solution, which must be exact: polished, or of a problem without switches. Not known of problems with
- * transitions or contacts, and of several phases.
+ * Multipliers of the last solution, which must be exact: polished, or of a problem without switches. Not known of several phases.
  *
  * @param[in]  of     enum swb_multipliers_of
  * @param[in]  index  which constraint, in the order in which they were added; does not count for what is no list

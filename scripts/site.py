@@ -133,7 +133,7 @@ NAVIGATION = """
       - The search for a sequence: dev/algorithms/search.md
       - Controls that choose: dev/algorithms/choices.md
       - Mode sequences: dev/algorithms/mode_search.md
-      - Transitions: dev/algorithms/transitions.md
+      - Descents on simulations: dev/algorithms/descents.md
       - Contacts in optimal control: dev/algorithms/contact_search.md
       - Verdict and descent: dev/algorithms/verdict.md
       - Real-time control: dev/algorithms/nmpc.md

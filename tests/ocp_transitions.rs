@@ -12,7 +12,7 @@ use switchback::error::Error;
 use switchback::expr::{Expr, Graph};
 use switchback::model::{Built, Model, Transition};
 use switchback::nlp::{Control, Outcome};
-use switchback::ocp::{Durations, MultiPhase, Ocp, OcpResult};
+use switchback::ocp::{Durations, MultiPhase, Ocp, OcpResult, Verdict};
 use switchback::settings::Settings;
 use switchback::system::{Direction, Rule, SharedFunction};
 
@@ -127,6 +127,19 @@ fn guesses_of_the_horizon_do_not_matter() {
     }
 }
 
+/// The least of the programs of all sequences with at most two transitions, on seven stages: none is better than what is found.
+#[test]
+fn other_cars_have_the_best_of_all_sequences() {
+    for ((on, off, factor), cost) in [
+        ((15.0, 10.0, 3.0), 10.317_813_286_798),
+        ((12.0, 6.0, 2.0), 10.095_107_107_920),
+        ((18.0, 12.0, 5.0), 10.515_943_894_816),
+    ] {
+        let r = replayed(&mut Car { n: 7, on, off, factor, ..Car::thesis() }.ocp(), 1e-9);
+        assert!((r.cost - cost).abs() < 1e-9, "{on} {off} {factor}: {}", r.cost);
+    }
+}
+
 /// A finer grid whose stages are halves of those of the coarse one holds all of its controls.
 #[test]
 fn finer_grids_are_better() {
@@ -155,7 +168,7 @@ fn warm_starts_begin_with_the_last_sequence() {
     assert!((solved(&mut again).cost - warm.cost).abs() < 1e-8);
 }
 
-/// Nothing is to be chosen: the program is the simulation, with the order of the method.
+/// Nothing is to be chosen: the answer is the simulation, whatever the grid.
 #[test]
 fn without_controls_the_answer_is_the_simulation() {
     for (name, model) in AUTOMATA {
@@ -177,9 +190,8 @@ fn without_controls_the_answer_is_the_simulation() {
                 off(&times, &wanted).max(off(&last.x1, &end))
             })
             .to_vec();
-        let slope = (errors[0] / errors[2]).log2() / 2.0;
-        assert!(slope > 2.7 || errors[2] < 1e-10, "{name}: {errors:?}, slope {slope}");
-        assert!(errors[2] < 1e-2, "{name}: {errors:?}");
+        // states and times are those of simulations whose local errors are at most 1e-8
+        assert!(errors.iter().all(|e| *e < 1e-6), "{name}: {errors:?}");
     }
 }
 
@@ -306,17 +318,17 @@ fn guards_of_controls() {
     let mut o = Ocp::new(&b.system, 2.0, 4, &set).unwrap();
     o.set_x0(&[0.0; 2]).unwrap();
     o.set_u_bounds(&[0.0], &[3.0]).unwrap();
-    o.set_u_guess(&[0.0, 1.5, 1.5, 1.5]).unwrap();
+    o.set_u_guess(&[1.5; 4]).unwrap();
     o.set_lagrange(function(&g, &b, "effort", &[u * u])).unwrap();
     o.add_terminal(function(&g, &b, "end", &[x]), &[2.0], &[2.0]).unwrap();
-    // the best control is that at which the guard is zero: the limit of controls above it, which the simulation says
+    // the cost jumps where the guard is zero: it has no minimum, and the answer stays above that place by next to nothing, known as no optimum
     let r = solved(&mut o);
     assert_eq!(r.jumps.len(), 1, "{:?}", r.jumps);
-    assert!(r.message.contains("discrete state 1 at the end of stage 0"), "{}", r.message);
-    assert!(r.jumps[0].at_once && r.controls[r.jumps[0].stage] >= 1.0 - 1e-9);
+    assert_eq!(r.optimality.as_ref().unwrap().verdict, Verdict::Unknown);
+    assert!(r.jumps[0].at_once && r.jumps[0].stage == 0 && r.controls[0] > 1.0);
     // on from the first stage on, u = 1 there and then as evenly as possible
     let by_hand = solved_by_hand();
-    assert!(r.cost <= by_hand + 1e-9, "{} {by_hand}", r.cost);
+    assert!(r.cost > by_hand && r.cost <= by_hand + 1e-8, "{} {by_hand}", r.cost);
 }
 
 /// Least `h Σ u²` of `h 2.1 Σ u = 2` over four stages with the first control at 1 at least: all the same, 2/(4 h 2.1) < 1, so
@@ -373,7 +385,12 @@ fn what_has_no_solution_is_said_in_words() {
     let mut o = Car { distance: 1e4, ..Car::thesis() }.ocp();
     let r = o.solve(&mut Control::default()).unwrap();
     assert_ne!(r.outcome, Outcome::Solved);
-    assert!(r.cost.is_nan() && r.message.contains("sequences of transitions"), "{}", r.message);
+    assert!(
+        r.cost.is_nan()
+            && r.message.contains("meets the constraints; those that come closest miss terminal constraint 0"),
+        "{}",
+        r.message
+    );
 }
 
 #[test]
@@ -412,8 +429,8 @@ fn a_better_sequence_elsewhere_is_found() {
         assert_eq!(r.outcome, Outcome::Solved, "{}", r.message);
         r.cost
     };
-    // 0.359636767093 is what single guesses of a random search lead to at best
+    // 0.35963757509 is what programs of sequences led to with 8 elements of order 7 in a stage
     for guess in [None, Some(0.1), Some(0.9)] {
-        assert!((cost(guess) - 0.359_636_767_093).abs() < 1e-9, "{guess:?}: {}", cost(guess));
+        assert!((cost(guess) - 0.359_637_575_09).abs() < 1e-9, "{guess:?}: {}", cost(guess));
     }
 }

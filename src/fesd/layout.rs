@@ -170,8 +170,6 @@ pub struct Spec {
     pub mayer: Option<SharedFunction>,
     /// Cost at the end of every control stage.
     pub grid_cost: Option<SharedFunction>,
-    /// The last stage goes on in another problem: its end is no point of the control grid, and has no such cost.
-    pub goes_on: bool,
     /// Path constraints.
     pub path: Vec<PathConstraint>,
     /// Terminal constraints.
@@ -198,7 +196,6 @@ impl Spec {
             lagrange: None,
             mayer: None,
             grid_cost: None,
-            goes_on: false,
             path: Vec::new(),
             terminal: Vec::new(),
             boundary: Vec::new(),

@@ -192,7 +192,7 @@ impl Fesd {
         let terminal = spec.terminal.iter().map(|t| b.call(&t.f, end)).collect();
         let mut mayer: Vec<Call> = spec.mayer.iter().map(|f| b.call(f, end)).collect();
         if let Some(f) = &spec.grid_cost {
-            for k in 0..spec.n_stages() - usize::from(spec.goes_on) {
+            for k in 0..spec.n_stages() {
                 let els = l.stage(k);
                 let at = b.point(els[els.len() - 1].x_end, k);
                 mayer.push(b.call(f, at));

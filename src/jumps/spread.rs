@@ -13,13 +13,6 @@ pub(crate) fn spreads<'a>(motions: impl Iterator<Item = &'a [f64]> + Clone) -> V
     (0..first.len()).map(of).collect()
 }
 
-/// How far every motion is from meeting constraints with these bounds: the sum of the squares of [`off`].
-pub(crate) fn misses<'a>(motions: impl Iterator<Item = &'a [f64]> + Clone, bounds: &[[f64; 2]]) -> Vec<f64> {
-    let scales = spreads(motions.clone());
-    let of = |m: &[f64]| m.iter().zip(bounds).zip(&scales).map(|((v, b), scale)| off(*v, *b, *scale).powi(2)).sum();
-    motions.map(of).collect()
-}
-
 /// How far a value is outside of its bounds, as a share of its spread, with a sign; 0 where nothing is spread.
 pub(crate) fn off(value: f64, [lower, upper]: [f64; 2], spread: f64) -> f64 {
     if spread > 0.0 {

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::request::{Comparison, Request};
 use super::solve::{Built, Start};
-use super::{transitions, Ocp, OcpResult, MAX_ELEMENTS};
+use super::{Ocp, OcpResult, MAX_ELEMENTS};
 use crate::error::{Error, Result};
 use crate::mpcc::Polish;
 use crate::nlp::{Control, Outcome, Statistics};
@@ -59,7 +59,6 @@ pub struct Adaptation {
 struct Kept {
     result: OcpResult,
     built: Option<Box<Built>>,
-    transitions: transitions::State,
 }
 
 /// The rounds so far.
@@ -87,10 +86,6 @@ impl Ocp {
         if let Some(b) = self.built.as_ref().filter(|_| start == Start::Warm) {
             work.n_fe = b.n_fe().to_vec();
         }
-        if let Some((then, _)) = self.transitions.last.take().filter(|_| start == Start::Warm) {
-            work.n_fe = then.n_fe;
-            work.result = self.result.take();
-        }
         (work.built, work.engine) = (self.built.take(), self.engine.take());
         let mut rounds = Rounds { grown: vec![false; self.n_stages], ..Rounds::default() };
         let end = work.adapt_rounds(start, &request, &mut rounds, control);
@@ -98,13 +93,9 @@ impl Ocp {
         (self.built, self.engine) = (aside.or(work.built), work.engine);
         self.builds += work.builds;
         end?;
-        let Rounds {
-            mut story, spent, time_build, best: Some(Kept { mut result, transitions, .. }), cut_short, ..
-        } = rounds
-        else {
+        let Rounds { mut story, spent, time_build, best: Some(Kept { mut result, .. }), cut_short, .. } = rounds else {
             return Err(Error::Internal("no round of the adaptation ended".into()));
         };
-        self.transitions = transitions;
         story.reached = result.is_exact() && result.error() <= self.settings.adapt_tol;
         let accurate = story.rounds.iter().position(|r| r.exact && r.error <= self.settings.adapt_tol);
         if let Some(dear) = accurate.filter(|_| !story.reached) {
@@ -139,7 +130,7 @@ impl Ocp {
         let Settings { adapt_tol: tol, adapt_rounds, adapt_elements, .. } = self.settings;
         let mut start = start;
         loop {
-            let r = match self.on_grid(start, request, control) {
+            let r = match self.search(start, request, control) {
                 Ok(r) => r.clone(),
                 // what is asked to end has no value: that is no failure of the rounds before
                 Err(e) => {
@@ -166,8 +157,7 @@ impl Ocp {
             });
             if rounds.best.as_ref().is_none_or(|b| r.is_better_than(&b.result, tol)) {
                 rounds.story.kept = last;
-                let transitions = std::mem::take(&mut self.transitions);
-                rounds.best = Some(Kept { result: r.clone(), built: None, transitions });
+                rounds.best = Some(Kept { result: r.clone(), built: None });
             }
             if !matches!(r.outcome, Outcome::Solved | Outcome::Stalled) {
                 rounds.cut_short = Some((last, r.outcome));

@@ -32,12 +32,31 @@ struct Stage<'a> {
     free: &'a [bool],
 }
 
+/// A motion: the controls of every stage, parameters, and time and states where the stages begin.
+pub(super) struct Controlled<'a> {
+    pub controls: &'a [f64],
+    pub params: &'a [f64],
+    pub starts: Vec<(f64, Vec<f64>)>,
+}
+
 impl Ocp {
     /// The first choice of the problem, if it has one, at its answer.
     pub(super) fn choice(&self, r: &OcpResult) -> Result<Option<Choice>> {
         if r.outcome != Outcome::Solved {
             return Ok(None);
         }
+        let nx = self.system.dims().x;
+        let mut starts: Vec<(f64, Vec<f64>)> = Vec::with_capacity(self.n_stages);
+        for e in &r.trajectory.elements {
+            if e.stage == starts.len() {
+                starts.push((e.t, e.x0[..nx].to_vec()));
+            }
+        }
+        self.choice_of(&Controlled { controls: &r.controls, params: &r.params, starts })
+    }
+
+    /// The same of a motion.
+    pub(super) fn choice_of(&self, m: &Controlled) -> Result<Option<Choice>> {
         let declared = |j: usize| self.system.choices().iter().any(|c| c.control == j);
         let bounds = self.u_bounds[0].iter().zip(&self.u_bounds[1]).enumerate();
         let free: Vec<bool> = bounds.map(|(j, (l, u))| l < u && !declared(j)).collect();
@@ -64,7 +83,7 @@ impl Ocp {
             let Regions::Signs { psi, signs } = &s.regions else { continue };
             for j in 0..psi.n_out() {
                 let Some(control) = decides(psi, j) else { continue };
-                let Some(border) = self.at_jump(r, s, (psi, signs, j), &free)? else { continue };
+                let Some(border) = self.at_jump(m, s, (psi, signs, j), &free)? else { continue };
                 let mut text = format!(
                     "control {control} decides a mode by itself (switching function {j} of subsystem {k} sees no state): it is a choice in \
                      every stage, and other choices were not compared; declare it to have them compared"
@@ -80,31 +99,25 @@ impl Ocp {
     }
 
     /// Do the rates jump where switching function `j` is zero? Then the first stage whose controls are there, if any.
-    #[allow(clippy::type_complexity)]
     fn at_jump(
         &self,
-        r: &OcpResult,
+        m: &Controlled,
         s: &Subsystem,
         (psi, signs, j): (&SharedFunction, &[i8], usize),
         free: &[bool],
     ) -> Result<Option<Option<usize>>> {
         let d = self.system.dims();
         let (mut jumps, mut border) = (false, None);
-        let mut first = usize::MAX;
-        for e in &r.trajectory.elements {
-            if e.stage == first {
-                continue;
-            }
-            first = e.stage;
-            let u = &r.controls[e.stage * d.u..(e.stage + 1) * d.u];
-            let p = if self.stage_params.is_some() { self.params_of(e.stage) } else { &r.params[..] };
-            let stage = Stage { at: Point { t: e.t, x: &e.x0[..d.x], u, p }, free };
+        for (k, (t, x)) in m.starts.iter().enumerate() {
+            let u = &m.controls[k * d.u..(k + 1) * d.u];
+            let p = if self.stage_params.is_some() { self.params_of(k) } else { m.params };
+            let stage = Stage { at: Point { t: *t, x, u, p }, free };
             let Some((there, distance)) = stage.nearest(psi, j) else { continue };
             jumps |= stage.jumps(s, (psi.n_out(), signs, j), &there);
             let size = u.iter().chain(&self.u_bounds[0]).chain(&self.u_bounds[1]);
             let size = size.filter(|v| v.is_finite()).fold(0f64, |m, v| m.max(v.abs()));
             if distance <= AT_BORDER * size && border.is_none() {
-                border = Some(e.stage);
+                border = Some(k);
             }
         }
         Ok(jumps.then_some(border))

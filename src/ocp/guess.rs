@@ -199,6 +199,22 @@ impl Ocp {
         one.repeat(self.n_stages)
     }
 
+    /// Controls to simulate: those of the guess, and where none were given and they have bounds also their extremes in two
+    /// halves and all along.
+    pub(super) fn extremes(&self) -> Vec<Vec<f64>> {
+        let mut all = vec![self.control_guess()];
+        let [lower, upper] = &self.u_bounds;
+        let bounded = lower.iter().chain(upper).all(|v| v.is_finite());
+        if self.u_guess.is_some() || !bounded || lower.is_empty() {
+            return all;
+        }
+        let half = self.n_stages.div_ceil(2);
+        for (first, second) in [(upper, lower), (lower, upper), (upper, upper), (lower, lower)] {
+            all.push((0..self.n_stages).flat_map(|k| if k < half { first } else { second }.clone()).collect());
+        }
+        all.into_iter().map(|u| self.within_bounds(u)).collect()
+    }
+
     pub(super) fn params_of(&self, stage: usize) -> &[f64] {
         let np = self.params.len();
         self.stage_params.as_ref().map_or(&self.params[..], |s| &s[stage * np..(stage + 1) * np])

@@ -5,8 +5,8 @@ use super::solve::Built;
 use crate::fesd::Fesd;
 use crate::func::{EvalError, EvalResult, Point};
 use crate::linalg::csc::Pattern;
-use crate::mpcc::{ActiveSetProposer, Distance, Mpcc, MpccSolver, Polish, ProposalKind, Side};
-use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
+use crate::mpcc::{ActiveSetProposer, Mpcc, MpccSolver, Polish, ProposalKind, Side};
+use crate::nlp::{Bounds, Control, Nlp, Outcome};
 use crate::system::SharedFunction;
 
 /// `lower ≤ f(x_k(T), x_{k+1}(0)) ≤ upper`.
@@ -17,34 +17,6 @@ pub(super) struct Link {
     pub(super) upper: Vec<f64>,
     /// `x_{k+1}(0)` as a function of `x_k(T)`, where the link is that.
     pub(super) start: Option<SharedFunction>,
-}
-
-/// Where an input of a function between phases comes from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Source {
-    /// A variable of the joint program.
-    Variable(usize),
-    /// A number.
-    Constant(f64),
-}
-
-impl Source {
-    fn variable(self) -> Option<usize> {
-        match self {
-            Source::Variable(j) => Some(j),
-            Source::Constant(_) => None,
-        }
-    }
-}
-
-/// `lower ≤ f ≤ upper` of a function of variables of any phases.
-#[derive(Clone)]
-pub(super) struct Coupling {
-    pub(super) f: SharedFunction,
-    /// Of every input `(x, u, p, t)`.
-    pub(super) inputs: Vec<Source>,
-    pub(super) lower: Vec<f64>,
-    pub(super) upper: Vec<f64>,
 }
 
 /// The joint program: patterns and where the parts are in it.
@@ -69,10 +41,12 @@ pub(super) struct Plan {
     pub(super) work: Vec<f64>,
 }
 
-/// A coupling with its place in the program.
+/// A link with its place in the program.
 pub(super) struct PlacedLink {
     pub(super) row: usize,
-    pub(super) coupling: Coupling,
+    pub(super) link: Link,
+    /// The end of a phase, and the start of the next: a link knows no time.
+    states: Vec<usize>,
 }
 
 /// The row that says when a phase begins.
@@ -89,35 +63,6 @@ const NOWHERE: usize = usize::MAX;
 impl Plan {
     /// The program of phases and the links between each and the next.
     pub(super) fn new(links: &[Vec<Link>], built: &[Box<Built>]) -> Plan {
-        let variables = Plan::first_variables(built);
-        let mut couplings = Vec::new();
-        for (k, list) in links.iter().enumerate() {
-            let (a, b) = (&built[k].problem, &built[k + 1].problem);
-            let (end, start) = (variables[k] + a.end_place(), variables[k + 1] + b.places().0);
-            let states = (0..a.spec().dcs.dims().x).map(|i| end + i);
-            let states = states.chain((0..b.spec().dcs.dims().x).map(|i| start + i)).map(Source::Variable);
-            // a link knows no time
-            let inputs: Vec<Source> = states.chain([Source::Constant(0.0)]).collect();
-            for link in list {
-                let Link { f, lower, upper, .. } = link.clone();
-                couplings.push(Coupling { f, inputs: inputs.clone(), lower, upper });
-            }
-        }
-        Plan::coupled(built, couplings)
-    }
-
-    /// First variables of the phases in the joint program, and their number.
-    pub(super) fn first_variables(built: &[Box<Built>]) -> Vec<usize> {
-        let mut n = 0;
-        let ends = built.iter().map(|b| {
-            n += b.problem.n();
-            n
-        });
-        [0].into_iter().chain(ends).collect()
-    }
-
-    /// The program of phases that are tied by these couplings.
-    pub(super) fn coupled(built: &[Box<Built>], couplings: Vec<Coupling>) -> Plan {
         let mut p = Plan {
             variables: vec![0],
             rows: vec![0],
@@ -153,30 +98,36 @@ impl Plan {
         }
         // of every entry of every function: does it belong to variables?
         let (mut in_jac, mut in_hess) = (vec![true; jac.0.len()], vec![true; hess.0.len()]);
-        for coupling in couplings {
-            let Coupling { f, inputs, .. } = &coupling;
-            for (j, i) in entries(f.jac_pattern()) {
-                let variable = inputs[j].variable();
-                in_jac.push(variable.is_some());
-                if let Some(v) = variable {
-                    jac.0.push(m + i);
-                    jac.1.push(v);
+        for (k, list) in links.iter().enumerate() {
+            let (a, b) = (&built[k].problem, &built[k + 1].problem);
+            let (end, start) = (p.variables[k] + a.end_place(), p.variables[k + 1] + b.places().0);
+            let states: Vec<usize> =
+                (end..end + a.spec().dcs.dims().x).chain(start..start + b.spec().dcs.dims().x).collect();
+            for link in list {
+                let f = &link.f;
+                for (j, i) in entries(f.jac_pattern()) {
+                    let variable = states.get(j);
+                    in_jac.push(variable.is_some());
+                    if let Some(v) = variable {
+                        jac.0.push(m + i);
+                        jac.1.push(*v);
+                    }
                 }
-            }
-            for (j, i) in entries(f.hess_pattern()) {
-                let variables = inputs[i].variable().zip(inputs[j].variable());
-                in_hess.push(variables.is_some());
-                if let Some((a, b)) = variables {
-                    hess.0.push(a.min(b));
-                    hess.1.push(a.max(b));
+                for (j, i) in entries(f.hess_pattern()) {
+                    let variables = states.get(i).zip(states.get(j));
+                    in_hess.push(variables.is_some());
+                    if let Some((a, b)) = variables {
+                        hess.0.push(*a.min(b));
+                        hess.1.push(*a.max(b));
+                    }
                 }
+                room = room.max(f.jac_pattern().nnz()).max(f.hess_pattern().nnz());
+                p.work.resize(p.work.len().max(f.work_len()), 0.0);
+                p.inputs.resize(p.inputs.len().max(states.len()), 0.0);
+                let n_out = f.n_out();
+                p.links.push(PlacedLink { row: m, link: link.clone(), states: states.clone() });
+                m += n_out;
             }
-            room = room.max(f.jac_pattern().nnz()).max(f.hess_pattern().nnz());
-            p.work.resize(p.work.len().max(f.work_len()), 0.0);
-            p.inputs.resize(p.inputs.len().max(inputs.len()), 0.0);
-            let n_out = f.n_out();
-            p.links.push(PlacedLink { row: m, coupling });
-            m += n_out;
         }
         let mut lengths: Vec<(usize, f64)> = Vec::new();
         for (k, b) in built.iter().enumerate() {
@@ -207,16 +158,16 @@ impl Plan {
         self.variables[self.variables.len() - 1]
     }
 
-    /// Bounds of the phases, of the couplings, and of the times at which the phases begin, the first at `t0`.
+    /// Bounds of the phases, of the links, and of the times at which the phases begin, the first at `t0`.
     pub(super) fn bounds(&self, built: &[Box<Built>], t0: f64) -> Bounds {
         let mut all = Bounds::free(self.n(), self.m);
         for (k, b) in built.iter().enumerate() {
             self.put(k, &b.bounds, &mut all);
         }
         for l in &self.links {
-            let rows = l.row..l.row + l.coupling.lower.len();
-            all.cl[rows.clone()].copy_from_slice(&l.coupling.lower);
-            all.cu[rows].copy_from_slice(&l.coupling.upper);
+            let rows = l.row..l.row + l.link.lower.len();
+            all.cl[rows.clone()].copy_from_slice(&l.link.lower);
+            all.cu[rows].copy_from_slice(&l.link.upper);
         }
         let mut given = t0;
         let mut clocks = self.clocks.iter();
@@ -277,22 +228,14 @@ fn record(p: &Pattern, to: &mut (Vec<usize>, Vec<usize>), row: impl Fn(usize) ->
     }
 }
 
-/// Where a solve of the joint program begins.
-pub(super) struct Begin<'a> {
-    /// The point.
-    pub(super) at: &'a [f64],
-    /// The active set to begin with, where it is known.
-    pub(super) sides: Option<&'a [Side]>,
-}
-
-/// Solves the joint program: with the active set that is known, and where it has no solution or there is none along the homotopy: with the other condition at the ends of sliding modes where the usual one has no
-/// solution, then from active sets next to what was found. Every phase proposes active sets of its own.
+/// Solves the joint program along the homotopy: with the other condition at the ends of sliding modes where the usual one has no solution, then from
+/// active sets next to what was found. Every phase proposes active sets of its own.
 pub(super) fn solve(
     plan: &mut Plan,
     solver: &mut MpccSolver,
     built: &mut [Box<Built>],
     bounds: &Bounds,
-    begin: Begin,
+    start: &[f64],
     control: &mut Control,
 ) {
     let (mut problems, mut identifiers): (Vec<_>, Vec<_>) =
@@ -300,15 +243,7 @@ pub(super) fn solve(
     let (groups, variables) = (plan.groups.clone(), plan.variables.clone());
     let mut proposer = InTurn { identifiers: &mut identifiers, groups, variables, turn: Turn::default() };
     let mut all = Program { parts: problems.iter_mut().map(|p| &mut **p).collect(), plan };
-    let mut spent = Statistics::default();
-    if let Some(sides) = begin.sides {
-        if solver.solve_sides(&mut all, bounds, sides, (begin.at, Distance::Far), control, &mut proposer) {
-            return;
-        }
-        spent = solver.solution().stats;
-    }
-    solver.solve_with(&mut all, bounds, begin.at, control, &mut proposer);
-    solver.add_cost(&spent);
+    solver.solve_with(&mut all, bounds, start, control, &mut proposer);
     let found = solver.solution();
     if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
         all.parts.iter_mut().for_each(|p| p.set_exit(p.usual_exit().other()));
@@ -386,34 +321,9 @@ impl PlacedLink {
         work: &mut [f64],
         body: impl FnOnce(&Point, &mut [f64]) -> EvalResult,
     ) -> EvalResult {
-        for (v, s) in inputs.iter_mut().zip(&self.coupling.inputs) {
-            *v = match *s {
-                Source::Variable(j) => w[j],
-                Source::Constant(c) => c,
-            };
-        }
-        let d = self.coupling.f.dims();
-        let (x, u, p) = (&inputs[..d.x], &inputs[d.x..d.x + d.u], &inputs[d.x + d.u..d.t_col()]);
-        body(&Point { t: inputs[d.t_col()], x, u, p }, work)
-    }
-}
-
-impl Program<'_> {
-    /// Gradient of `yᵀ f` of a coupling: variables and derivatives.
-    pub(super) fn coupling_gradient(
-        &mut self,
-        k: usize,
-        w: &[f64],
-        y: &[f64],
-    ) -> std::result::Result<Vec<(usize, f64)>, EvalError> {
-        let plan = &mut *self.plan;
-        let l = &plan.links[k];
-        let f = &l.coupling.f;
-        let values = &mut plan.values[..f.jac_pattern().nnz()];
-        l.with(w, &mut plan.inputs, &mut plan.work, |z, work| f.jacobian(z, values, work))?;
-        let all = entries(f.jac_pattern()).zip(&*values);
-        let of = |((j, i), v): ((usize, usize), &f64)| Some((l.coupling.inputs[j].variable()?, y[l.row + i] * v));
-        Ok(all.filter_map(of).collect())
+        let inputs = &mut inputs[..self.states.len()];
+        inputs.iter_mut().zip(&self.states).for_each(|(v, j)| *v = w[*j]);
+        body(&Point { t: 0.0, x: inputs, u: &[], p: &[] }, work)
     }
 }
 
@@ -439,7 +349,7 @@ impl Nlp for Program<'_> {
             f += p.eval(own, &mut c[plan.rows[k]..plan.rows[k + 1]])?;
         }
         for l in &plan.links {
-            let f = &l.coupling.f;
+            let f = &l.link.f;
             let out = &mut c[l.row..l.row + f.n_out()];
             l.with(w, &mut plan.inputs, &mut plan.work, |at, work| f.value(at, out, work))?;
         }
@@ -463,7 +373,7 @@ impl Nlp for Program<'_> {
             at += nnz;
         }
         for l in &plan.links {
-            let f = &l.coupling.f;
+            let f = &l.link.f;
             let nnz = f.jac_pattern().nnz();
             let values = &mut plan.values[..nnz];
             l.with(w, &mut plan.inputs, &mut plan.work, |z, work| f.jacobian(z, values, work))?;
@@ -496,7 +406,7 @@ impl Nlp for Program<'_> {
             at += nnz;
         }
         for l in &plan.links {
-            let f = &l.coupling.f;
+            let f = &l.link.f;
             let nnz = f.hess_pattern().nnz();
             let values = &mut plan.values[..nnz];
             let weights = &y[l.row..l.row + f.n_out()];

@@ -51,7 +51,6 @@ mod stand_in;
 mod starts;
 mod statement;
 mod terms;
-mod transitions;
 
 pub use crate::fesd::Durations;
 pub use crate::jumps::{Contacts, Method as Jumps};
@@ -64,9 +63,9 @@ pub use nominal::Nominal;
 pub use optimality::{Kink, Optimality, Verdict};
 pub use phases::{MultiPhase, MultiPhaseResult};
 pub use sensitivity::OcpSensitivity;
+pub use simulated::JumpMade;
 pub use starts::{Around, Starts};
 pub use statement::Statement;
-pub use transitions::JumpMade;
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -241,8 +240,6 @@ pub struct Ocp {
     simulated: simulated::State,
     /// How contact modes are found, where the system is a scene, and what the last solve knows of them.
     scene: scene::SceneControl,
-    /// What is known of transitions.
-    transitions: transitions::State,
 }
 
 impl Ocp {
@@ -312,7 +309,6 @@ impl Ocp {
             shifted: None,
             simulated: simulated::State { only: only_simulates, ..Default::default() },
             scene: scene::SceneControl::default(),
-            transitions: transitions::State::default(),
         })
     }
 
@@ -655,7 +651,6 @@ impl Ocp {
     /// What was discretised is of no use any more.
     fn forget_programs(&mut self) {
         self.built = None;
-        self.transitions.last = None;
     }
 
     /// The structure is another one.

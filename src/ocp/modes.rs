@@ -65,21 +65,6 @@ impl ModeSequence {
         Ok(())
     }
 
-    /// The part within a span of time, from its start.
-    pub(super) fn within(&self, from: f64, to: f64) -> ModeSequence {
-        let n = self.times.len();
-        let (n_modes, n_cells) = (self.modes.len() / n, self.cells.len() / n);
-        let mut part = ModeSequence::default();
-        let holds =
-            |k: usize| (self.times[k] < to || self.times[k] <= from) && self.times.get(k + 1).is_none_or(|t| *t > from);
-        for k in (0..n).filter(|&k| holds(k)) {
-            part.times.push(if part.times.is_empty() { 0.0 } else { self.times[k] - from });
-            part.modes.extend_from_slice(&self.modes[k * n_modes..(k + 1) * n_modes]);
-            part.cells.extend_from_slice(&self.cells[k * n_cells..(k + 1) * n_cells]);
-        }
-        part
-    }
-
     /// The active set of phase `k` as sides of the cells.
     fn sides(&self, k: usize, form: &Form) -> Result<Vec<Side>> {
         let side = |active: bool| if active { Side::First } else { Side::Second };
@@ -180,12 +165,41 @@ impl OcpResult {
 }
 
 impl Ocp {
+    /// Can these transitions be part of a sequence of modes?
+    fn check_sequence(&self, given: &[TransitionAt]) -> Result<()> {
+        let n = self.system.transitions().len();
+        let Some(t) = given.iter().find(|t| t.transition >= n || t.stage >= self.n_stages) else { return Ok(()) };
+        Err(Error::Range(format!(
+            "transition {} in stage {} of the given modes: the system has {n} transitions, the problem {} stages",
+            t.transition, t.stage, self.n_stages
+        )))
+    }
+
+    /// Do the discrete states allow the given transitions, one after the other?
+    pub(super) fn check_given_transitions(&self) -> Result<()> {
+        let Some(given) = &self.modes else { return Ok(()) };
+        // initial values of discrete states are given
+        let mut x = self.x0_bounds[0].clone();
+        for at in &given.transitions {
+            let t = &self.system.transitions()[at.transition];
+            if let Some((state, value)) = t.from.iter().find(|(state, value)| x[*state] != *value) {
+                return Err(Error::Range(format!(
+                    "transition {} in stage {} of the given modes cannot follow those before it: the discrete state {state} is {} then, \
+                     it is made from {value}",
+                    at.transition, at.stage, x[*state]
+                )));
+            }
+            t.to.iter().for_each(|(state, value)| x[*state] = *value);
+        }
+        Ok(())
+    }
+
     /// Gives the order of modes: the next solves start with its branch problem, from the guesses of states and controls,
     /// and follow the homotopy only where that has no solution. Neighbours of it are tried within the budget
     /// `mode_search` only. `None` forgets it.
     ///
-    /// Where the system has transitions, those of the sequence are made, and no others. Where simulations alone follow the system, only motions
-    /// count that have this order of modes and transitions; the times say nothing then.
+    /// Where simulations alone follow the system, as they do where it has transitions, only motions count that have this order of modes and
+    /// transitions; times and stages say nothing then.
     ///
     /// # Errors
     /// [`Error::Range`] for times and stages that fall, for transitions that the system does not have, or that cannot follow each other.
@@ -226,16 +240,6 @@ mod tests {
         ] {
             assert!(wrong.check().is_err(), "{wrong:?}");
         }
-    }
-
-    #[test]
-    fn a_part_of_a_sequence_begins_at_its_start() {
-        let s = sequence(&[0.0, 0.5, 0.75], &[true, false, false, true, true, true]);
-        assert_eq!(s.within(0.6, 0.7), sequence(&[0.0], &[false, true]));
-        // no time is a part too
-        assert_eq!(s.within(0.0, 0.0), sequence(&[0.0], &[true, false]));
-        let part = s.within(0.25, 2.0);
-        assert_eq!(part, sequence(&[0.0, 0.25, 0.5], &[true, false, false, true, true, true]));
     }
 
     #[test]

@@ -188,8 +188,7 @@ impl Ocp {
     }
 
     /// Multipliers of the last solution, as the discretised problem has them: those of a path constraint add up to the effect of
-    /// its bound at all points together. Known of exact solutions ([`crate::mpcc::Polish::Done`]) of problems without contacts,
-    /// and of smooth ones. Of discrete states they are zero, and costates are those before a transition that is made at the same time.
+    /// its bound at all points together. Known of exact solutions ([`crate::mpcc::Polish::Done`]). Of discrete states they are zero, and costates are those before a transition that is made at the same time.
     pub fn multipliers(&mut self, of: MultipliersOf) -> Result<Multipliers> {
         let mut found = self.found_multipliers(of)?;
         if matches!(of, MultipliersOf::Costates | MultipliersOf::InitialState | MultipliersOf::States) {
@@ -219,9 +218,6 @@ impl Ocp {
         let none = || Error::State("there is no exact solution to have multipliers: solve the problem first".into());
         if !self.result.as_ref().is_some_and(OcpResult::has_exact_modes) {
             return Err(none());
-        }
-        if let Some((then, kept)) = &self.transitions.last {
-            return kept.multipliers(then, of);
         }
         let mut built = self.built.take().ok_or_else(none)?;
         let found = self.multipliers_of(&mut built, of);

@@ -207,7 +207,7 @@ impl MultiPhase {
 
     /// Solves with the choices that are made.
     pub(super) fn solve_fixed(&mut self, request: &Request, control: &mut Control) -> Result<MultiPhaseResult> {
-        if self.phases.iter().any(|p| p.is_simulated() || p.is_scene() || p.has_transitions()) {
+        if self.phases.iter().any(|p| p.is_simulated() || p.is_scene()) {
             return self.solve_simulated(request, control);
         }
         for p in &mut self.phases {
@@ -305,7 +305,7 @@ impl MultiPhase {
         let bounds = plan.bounds(built, self.phases[0].t0);
         let start = self.starting_point(plan, built, &params, &request.options, control)?;
         solver.settings = request.options.solver;
-        joint::solve(plan, solver, built, &bounds, joint::Begin { at: &start, sides: None }, control);
+        joint::solve(plan, solver, built, &bounds, &start, control);
         let mut all = Program { parts: built.iter_mut().map(|b| &mut b.problem).collect(), plan };
         let dimensions = (all.n(), all.m(), all.plan.pairs.len());
         let mut c = vec![f64::NAN; all.m()];
@@ -386,7 +386,7 @@ impl MultiPhase {
     fn name_of_link(&self, plan: &Plan, (row, by): (usize, f64)) -> String {
         let numbered = self.links.iter().enumerate().flat_map(|(k, list)| (0..list.len()).map(move |j| (k, j)));
         for ((phase, j), l) in numbered.zip(&plan.links) {
-            let f = &l.coupling.f;
+            let f = &l.link.f;
             if (l.row..l.row + f.n_out()).contains(&row) {
                 let (name, row) = (f.name(), row - l.row);
                 return format!("link {j} ('{name}') behind phase {phase}, row {row}, is violated by {by:.3e}");

@@ -37,9 +37,6 @@ impl Ocp {
             return self.scene_sensitivity();
         }
         let d = self.system.dims();
-        if let Some((then, kept)) = &self.transitions.last {
-            return kept.sensitivity(then);
-        }
         let Some(Built { problem, solver, bounds, extended, .. }) = self.built.as_deref_mut() else {
             return Err(Error::State("there is no solution to differentiate: solve the problem first".into()));
         };

@@ -184,7 +184,6 @@ impl Ocp {
             lagrange: e.lagrange.clone(),
             mayer: e.mayer.clone(),
             grid_cost: e.grid_cost.clone(),
-            goes_on: self.transitions.goes_on,
             path: e.path.clone(),
             terminal: e.terminal.clone(),
             boundary: e.boundary.clone(),
@@ -260,7 +259,7 @@ impl Ocp {
         }
         let options = SolveOptions::from_settings(&self.settings)?;
         let known = self.built.as_ref().is_some_and(|b| b.last.is_some() && b.options.fits(&options));
-        let by_sequence = self.is_simulated() || self.has_transitions() || !self.system.choices().is_empty();
+        let by_sequence = self.is_simulated() || !self.system.choices().is_empty();
         let known = known || ((by_sequence || self.simulated.leads) && self.result.is_some());
         self.solve_from(if known { Start::Warm } else { Start::Cold }, control)
     }
@@ -305,11 +304,8 @@ impl Ocp {
             return self.solve_simulated(start, request, control);
         }
         let adapts = self.settings.adapt_tol > 0.0;
-        let solved = if adapts { self.adapt(start, request, control) } else { self.on_grid(start, request, control) };
+        let solved = if adapts { self.adapt(start, request, control) } else { self.search(start, request, control) };
         solved.map(|_| ())?;
-        if self.has_transitions() {
-            return Ok(());
-        }
         self.follow_contacts(start, request, control)?;
         self.impose_between(request, control)?;
         self.better_by_simulations(request, control)
@@ -343,14 +339,6 @@ impl Ocp {
         }
         self.result = Some(OcpResult { stats, ..better.unwrap_or(before) });
         Ok(())
-    }
-
-    /// Solves on one grid.
-    pub(super) fn on_grid(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
-        match self.has_transitions() {
-            true => self.solve_transitions(start, request, control),
-            false => self.search(start, request, control),
-        }
     }
 
     /// The result of a solve that is over, with the outcome that says so of a solution that is no whole success.

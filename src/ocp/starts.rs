@@ -221,7 +221,6 @@ impl Ocp {
             shifted: None,
             simulated: super::simulated::State { only: self.simulated.only, ..Default::default() },
             scene: self.scene.blank(),
-            transitions: self.transitions.blank(),
         }
     }
 }

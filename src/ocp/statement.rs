@@ -109,7 +109,6 @@ impl Ocp {
             largest: _,
             shifted: _,
             scene,
-            transitions: _,
             chosen: _,
             clearance: _,
             inside: _,

@@ -67,20 +67,6 @@ pub(crate) struct Found<T, S> {
     pub shares: Vec<(Source, f64)>,
 }
 
-impl<T, S> Found<T, S> {
-    /// What is found without a search: solutions that were asked for with their sequences. What is next to them was not tried.
-    pub(crate) fn of_one(solved: Vec<(S, T)>) -> Found<T, S> {
-        Found {
-            tried: solved.len(),
-            all: solved.into_iter().map(|(sequence, solution)| (solution, sequence)).collect(),
-            settled: false,
-            ended: Ended::Enough,
-            #[cfg(test)]
-            shares: Vec::new(),
-        }
-    }
-}
-
 /// Work and gains of what takes part in a race.
 #[derive(Debug, Clone, Copy, Default)]
 struct Record {

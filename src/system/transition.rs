@@ -285,53 +285,6 @@ impl System {
         all
     }
 
-    /// Which transitions are made at times that nothing changes: those of clocks. Their guards depend on the time, on parameters that are not `free`, and on
-    /// states that change by these alone and by such transitions.
-    pub fn timed_transitions(&self, free: &[bool]) -> Vec<bool> {
-        let d = self.dims;
-        let mut known = vec![true; d.x];
-        let mut timed = vec![true; self.transitions.len()];
-        let varies = |c: usize, known: &[bool]| match c {
-            c if c < d.x => !known[c],
-            c if c < d.x + d.u => true,
-            c if c < d.t_col() => free.get(c - d.x - d.u).copied().unwrap_or(false),
-            _ => false,
-        };
-        // rows of a function that depend on what varies
-        let rows = |f: &dyn Function, known: &[bool]| -> Vec<usize> {
-            let p = f.jac_pattern();
-            (0..d.n_in()).filter(|c| varies(*c, known)).flat_map(|c| p.rows(c).to_vec()).collect()
-        };
-        let by_modes = self.subsystems.iter().map(|s| &s.rows).chain(self.inclusions.iter().map(|i| &i.rows));
-        by_modes.flatten().for_each(|i| known[*i] = false);
-        self.algebraic_states().for_each(|i| known[i] = false);
-        if let Some(m) = &self.mechanics {
-            (0..d.x).filter(|i| m.smooth.jac_pattern().row_idx().contains(i)).for_each(|i| known[i] = false);
-            known[..(m.n_q + m.n_v).min(d.x)].fill(false);
-        }
-        loop {
-            let before = (known.clone(), timed.clone());
-            if let Some(f) = &self.f0 {
-                rows(f.as_ref(), &before.0).into_iter().for_each(|i| known[i] = false);
-            }
-            for (t, timed) in self.transitions.iter().zip(&mut timed) {
-                *timed &= rows(t.guard.as_ref(), &known).is_empty() && t.from.iter().all(|f| known[f.0]);
-                if !*timed {
-                    t.to.iter().for_each(|f| known[f.0] = false);
-                }
-                if let Some(r) = &t.reset {
-                    match *timed {
-                        true => rows(r.f.as_ref(), &known).into_iter().for_each(|o| known[r.rows[o]] = false),
-                        false => r.rows.iter().for_each(|i| known[*i] = false),
-                    }
-                }
-            }
-            if (&known, &timed) == (&before.0, &before.1) {
-                return timed;
-            }
-        }
-    }
-
     /// Adds a transition and returns its index.
     pub fn add_transition(&mut self, t: Transition) -> Result<usize> {
         let k = self.transitions.len();
@@ -419,14 +372,6 @@ impl System {
         Err(Error::Unsupported(format!(
             "{who} cannot follow transitions (guards with resets or discrete states): simulate the system event-driven"
         )))
-    }
-
-    /// Do programs of sequences follow the transitions: of one comparison that acts where it is true, with smooth resets, and with no contacts, algebraic
-    /// states or inclusions next to them?
-    pub(crate) fn has_programs_of_transitions(&self) -> bool {
-        let is_smooth = |t: &Transition| t.is_plain() && !t.reset.as_ref().is_some_and(|r| r.switches);
-        let alone = self.mechanics.is_none() && self.n_z == 0 && self.inclusions.is_empty();
-        self.transitions.iter().all(is_smooth) && (self.transitions.is_empty() || alone)
     }
 
     /// Is a discrete state driven by something else?

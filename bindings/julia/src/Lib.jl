@@ -3851,7 +3851,7 @@ swb_trajectory_stage_states(trajectory, x, n) =
 """
     swb_trajectory_stage_theta(trajectory, theta, n) -> swb_status
 
-Convex multipliers of the modes at the stage points.
+Convex multipliers of the modes at the stage points; NaN where the states are those of a simulation and several modes are active.
 
 @param[out] theta [n] n_elements * n_s * n_modes, the multipliers of one point together
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
@@ -6797,8 +6797,7 @@ swb_ocp_multiplier_sizes(ocp, of, index, n_times, width) =
 """
     swb_ocp_get_multipliers(ocp, of, index, times, n_times, values, n_values) -> swb_status
 
-Multipliers of the last solution, which must be exact: polished, or of a problem without switches. Not known of problems with
-transitions or contacts, and of several phases.
+Multipliers of the last solution, which must be exact: polished, or of a problem without switches. Not known of several phases.
 
 @param[in]  of     enum swb_multipliers_of
 @param[in]  index  which constraint, in the order in which they were added; does not count for what is no list

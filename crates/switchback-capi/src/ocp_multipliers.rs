@@ -87,8 +87,7 @@ pub unsafe extern "C" fn swb_ocp_multiplier_sizes(
     })
 }
 
-/// Multipliers of the last solution, which must be exact: polished, or of a problem without switches. Not known of problems with
-/// transitions or contacts, and of several phases.
+/// Multipliers of the last solution, which must be exact: polished, or of a problem without switches. Not known of several phases.
 ///
 /// @param[in]  of     enum swb_multipliers_of
 /// @param[in]  index  which constraint, in the order in which they were added; does not count for what is no list

@@ -251,7 +251,7 @@ pub unsafe extern "C" fn swb_trajectory_stage_states(
     unsafe { per_element(trajectory, x, n, "x", |_, e, all| all.extend(&e.xs)) }
 }
 
-/// Convex multipliers of the modes at the stage points.
+/// Convex multipliers of the modes at the stage points; NaN where the states are those of a simulation and several modes are active.
 ///
 /// @param[out] theta [n] n_elements * n_s * n_modes, the multipliers of one point together
 /// @return SWB_OK; SWB_ERR_DIMENSION if n is another number

@@ -3,6 +3,7 @@
 
 mod blocks;
 mod chain;
+mod cliffs;
 mod hinges;
 mod judge;
 mod order;

@@ -579,6 +579,28 @@ impl<'a> Shooting<'a> {
         }
     }
 
+    /// Variables with the controls of the user a stage earlier or later; those at the end stay what they are.
+    pub fn shifted(&self, z: &[f64], earlier: bool) -> Vec<f64> {
+        let (n, own) = (self.ocp.n_stages, self.ocp.u_bounds[0].len());
+        let mut out = z.to_vec();
+        for (k, j) in (1..n).flat_map(|k| (0..own).map(move |j| (k, j))) {
+            let [before, behind] = [k - 1, k].map(|k| self.control_at(k, j));
+            if earlier {
+                out[before] = z[behind];
+            } else {
+                out[behind] = z[before];
+            }
+        }
+        out
+    }
+
+    /// Variables with these controls of the user in a stage.
+    pub fn with_controls(&self, z: &[f64], stage: usize, u: &[f64]) -> Vec<f64> {
+        let mut out = z.to_vec();
+        u.iter().enumerate().for_each(|(j, u)| out[self.control_at(stage, j)] = *u);
+        out
+    }
+
     /// Controls of the user at both ends of the stages, `[n_stages · nu]` each.
     pub fn user_controls(&self, z: &[f64]) -> [Vec<f64>; 2] {
         let (n, own) = (self.ocp.n_stages, self.ocp.u_bounds[0].len());
@@ -600,6 +622,11 @@ impl<'a> Shooting<'a> {
         if let Some(e) = r.trajectory.elements.first_mut() {
             e.x0.iter_mut().zip(&self.at.initial).for_each(|(x, at)| *x = at.map_or(*x, |at| z[at]));
         }
+    }
+
+    /// Lengths of the stages.
+    pub fn durations(&self, z: &[f64]) -> Vec<f64> {
+        (0..self.ocp.n_stages).map(|k| self.length(z, k).0).collect()
     }
 
     /// Length of a stage, the variable behind it and its share.

@@ -11,6 +11,7 @@
 //! combination that vanishes: no direction leads down.
 
 use super::blocks::{curvature, Block};
+use super::cliffs::Fall;
 use super::hinges::Hinge;
 use super::missed;
 use crate::error::{Error, Result};
@@ -28,6 +29,8 @@ const GOOD: f64 = 0.75;
 /// Predicted decrease, relative to the cost or to what one variable changes it by, below which nothing is left to gain, and the decrease
 /// of a step that counts.
 const NOTHING: f64 = 1e-10;
+/// Differences of the cost, relative in the same way, that simulations do not tell: their tolerance. Slopes say more where nothing has a kink.
+const MEASURED: f64 = 1e-8;
 const PROGRESS: f64 = 1e-7;
 /// Weights of sides are quotients of multipliers by differences of slopes, and as exact as these: curvature changes them between two points.
 const ROUGH: f64 = 1e-3;
@@ -47,6 +50,8 @@ const DEAREST: f64 = 1e6;
 const FLAT: f64 = 1e-2;
 /// Growth of the slopes of a constraint from which it is scaled anew.
 const STEEPER: f64 = 4.0;
+/// Share of the last decrease that is too small to be measured, from which steps go on.
+const QUARTER: f64 = 0.25;
 /// Share of the violation that a step must promise to take away, or else violations become dearer.
 const PROMISE: f64 = 0.5;
 const HELPED: f64 = 0.9;
@@ -60,6 +65,8 @@ const REGULAR: f64 = 1e-3;
 /// Least curvature along a step, relative to that of the model, of Powell's damping.
 const DAMPING: f64 = 0.2;
 
+/// Simulations without derivatives that cost as much as one with them.
+const PLAIN: usize = 4;
 /// Distance, in the sizes of the variables, at which the end of a descent is looked around, the curvature there as a share of what counts as steep,
 /// first-order change that ends that, and the one that counts as none.
 const AROUND: f64 = 1e-4;
@@ -157,6 +164,8 @@ pub(in crate::ocp) struct Lowest {
     pub gain: f64,
     /// Largest violation of a constraint, relative to what the variables change it by.
     pub violation: f64,
+    /// Did it end by itself, and not at a limit?
+    pub ended: bool,
     /// Did it end where no direction leads down, and is that so at a kink only?
     pub stationary: bool,
     pub kink: bool,
@@ -164,6 +173,8 @@ pub(in crate::ocp) struct Lowest {
     pub multipliers: Vec<f64>,
     /// First-order change within a unit box that is left, relative to `unit`; NaN where nobody looked around.
     pub left: f64,
+    /// Do its variables stand for no motion, as far as somebody has looked?
+    pub contradicted: bool,
     /// At a kink the points next to the end whose derivatives make up a combination that vanishes, with their weights; the rest of 1 is that of the end.
     pub beside: Vec<(f64, Vec<f64>)>,
 }
@@ -177,8 +188,8 @@ impl Lowest {
 }
 
 /// Values at the end of a step that failed.
-struct Piece {
-    y: Vec<f64>,
+pub(super) struct Piece {
+    pub(super) y: Vec<f64>,
     values: Values,
 }
 
@@ -195,13 +206,13 @@ struct Certificate {
 }
 
 /// A descent in variables divided by their sizes, with the cost and the constraints divided by what the variables change them by.
-struct Descent<'a> {
+pub(super) struct Descent<'a> {
     program: &'a mut dyn Program,
     n: usize,
     m: usize,
     size: Vec<f64>,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
+    pub(super) lower: Vec<f64>,
+    pub(super) upper: Vec<f64>,
     row_lower: Vec<f64>,
     row_upper: Vec<f64>,
     /// Factors of the cost and of the constraints, and the steepest slope of the cost with it.
@@ -214,7 +225,7 @@ struct Descent<'a> {
     solver: Condensing,
     /// Price of violations.
     price: f64,
-    pieces: Vec<Piece>,
+    pub(super) pieces: Vec<Piece>,
     /// Multipliers of the constraints as last found: kinks are looked at in the Lagrange function.
     multipliers: Vec<f64>,
 }
@@ -247,10 +258,12 @@ pub(in crate::ocp) fn minimise(
             violation: violated,
             evaluations: 1,
             gain: 0.0,
+            ended: true,
             stationary,
             kink: false,
             multipliers: vec![0.0; rows],
             left: 0.0,
+            contradicted: false,
             beside: Vec::new(),
             z,
         }));
@@ -451,7 +464,7 @@ impl<'a> Descent<'a> {
     }
 
     /// The merit of a point, infinite where it has none.
-    fn merit_at(&mut self, y: &[f64]) -> Result<f64> {
+    pub(super) fn merit_at(&mut self, y: &[f64]) -> Result<f64> {
         let z: Vec<f64> = y.iter().zip(&self.size).map(|(y, s)| y * s).collect();
         let mut out = Values::default();
         let found = self.program.evaluate_plain(&z, &mut out)?;
@@ -486,7 +499,7 @@ impl<'a> Descent<'a> {
         v.cost + rows.map(term).sum::<f64>()
     }
 
-    fn merit(&self, v: &Values) -> f64 {
+    pub(super) fn merit(&self, v: &Values) -> f64 {
         v.cost + self.price * self.violation(v.rows.iter().copied()).0
     }
 
@@ -617,7 +630,8 @@ impl<'a> Descent<'a> {
         self.restart();
         let mut found = QpSolution::new(&self.qp);
         let (mut there, mut radius, mut spent, mut steps) = (Values::default(), FIRST_BOX, 1, 0);
-        let (mut fresh, mut flattest, mut promised) = (true, f64::INFINITY, f64::INFINITY);
+        let (mut fresh, mut flattest, mut promised, mut unseen) = (true, f64::INFINITY, f64::INFINITY, f64::INFINITY);
+        let (mut fall, mut given_up): (Option<Fall>, bool) = (None, false);
         let mut certificate = Certificate { multipliers: vec![0.0; self.m], proven: true, ..Certificate::default() };
         while spent < evaluations && radius > LAST_BOX {
             self.pieces.retain(|p| p.y.iter().zip(&y).all(|(a, b)| (a - b).abs() <= FAR * radius));
@@ -654,14 +668,24 @@ impl<'a> Descent<'a> {
                 fresh = true;
                 continue;
             }
-            if gain <= NOTHING {
-                // too little to be measured, but slopes at its end are smaller where the Hessian is right
+            let smooth = kinks.iter().all(Option::is_none);
+            let least = if smooth { MEASURED } else { NOTHING };
+            if gain <= least {
+                // too little to be measured, but slopes at its end are smaller where the Hessian is right: as long as that shows
                 spent += 1;
-                if gain > 0.0 && self.evaluate(&next, &mut there)? && self.merit(&there) <= self.merit(&here) {
-                    y = next;
-                    std::mem::swap(&mut here, &mut there);
+                let level = self.merit(&here) + least;
+                if !(gain > 0.0 && self.evaluate(&next, &mut there)? && self.merit(&there) <= level) {
+                    break;
                 }
-                break;
+                self.update((&y, &here), (&next, &there), &found, fresh);
+                fresh = false;
+                y = next;
+                std::mem::swap(&mut here, &mut there);
+                if gain > QUARTER * unseen || !smooth {
+                    break;
+                }
+                unseen = gain;
+                continue;
             }
             spent += 1;
             let mut reached = self.evaluate(&next, &mut there)?;
@@ -675,6 +699,7 @@ impl<'a> Descent<'a> {
             reached &= ratio.is_finite();
             let longest = found.u.iter().fold(0f64, |m, d| m.max(d.abs())).min(radius);
             let taken = reached && ratio > TAKEN;
+            let rise = Fall { by: self.merit(&there) - self.merit(&here), longest, radius, price: self.price };
             radius = match ratio {
                 r if r > GOOD => (2.0 * longest).max(radius),
                 r if r > FAIR => radius,
@@ -682,6 +707,7 @@ impl<'a> Descent<'a> {
                 _ => 0.25 * longest,
             };
             if taken {
+                fall = None;
                 self.update((&y, &here), (&next, &there), &found, fresh);
                 fresh = false;
                 if self.merit(&here) - self.merit(&there) > PROGRESS {
@@ -696,8 +722,20 @@ impl<'a> Descent<'a> {
                 }
                 self.rescale(&mut here);
             } else if reached {
-                // twice the distance at which the other piece begins, if it does within the step
-                radius = if self.remember(&y, &here, next, &there) { 0.5 * longest } else { radius };
+                let before = fall.filter(|f| f.goes_on(&rise));
+                let (is_held, simulated) = match before {
+                    Some(_) => self.hold(&y, &here, (&next, &rise))?,
+                    None => (false, 0),
+                };
+                spent += simulated.div_ceil(PLAIN);
+                if let Some(before) = before.filter(|_| is_held) {
+                    // the other variables have the box that they had before
+                    (radius, fall) = (before.radius, None);
+                } else {
+                    fall = Some(rise);
+                    // twice the distance at which the other piece begins, if it does within the step
+                    radius = if self.remember(&y, &here, next, &there) { 0.5 * longest } else { radius };
+                }
             }
             let violation = self.violation(here.rows.iter().copied()).1;
             let told = IterationInfo {
@@ -708,6 +746,7 @@ impl<'a> Descent<'a> {
             };
             steps += 1;
             if watch(&told) {
+                given_up = true;
                 break;
             }
         }
@@ -721,11 +760,13 @@ impl<'a> Descent<'a> {
             evaluations: spent,
             gain: -here.cost,
             violation: self.violation(here.rows.iter().copied()).1,
+            ended: spent < evaluations && !given_up,
             stationary: flattest <= STILL && proven,
             kink: !beside.is_empty(),
             beside,
             multipliers,
             left: f64::NAN,
+            contradicted: false,
         })
     }
 
@@ -991,6 +1032,23 @@ mod tests {
                 let off = (r.z[0] - best[0]).abs().max((r.z[1] - best[1]).abs());
                 assert!(off < 1e-5 && r.violation < MET && r.stationary && r.kink == kink, "{aim} {start}: {r:?}");
             }
+        }
+    }
+
+    /// `(x − 3)² + (y + x)² + 100 [x > 1]`: the edge, with the best of the other variable there.
+    #[test]
+    fn a_cliff() {
+        for start in [[-4.0, -3.0], [0.99, -0.9], [0.5, 0.5]] {
+            let f = |z: &[f64], out: &mut Values| {
+                let (x, y) = (z[0], z[1]);
+                out.cost = (x - 3.0).powi(2) + (y + x).powi(2) + if x > 1.0 { 100.0 } else { 0.0 };
+                out.gradient = vec![2.0 * (x - 3.0) + 2.0 * (y + x), 2.0 * (y + x)];
+            };
+            let free = |v: f64| vec![v; 2];
+            let mut program =
+                Given { lower: free(-10.0), upper: free(10.0), size: free(1.0), rows: Default::default(), f };
+            let r = minimise(&mut program, &start, 60, &mut |_| false).unwrap().unwrap();
+            assert!(r.z[0] <= 1.0 && (r.cost - 4.0).abs() < 1e-6, "{start:?}: {r:?}");
         }
     }
 

@@ -15,7 +15,7 @@ impl Ocp {
     /// expressions, and of costs whose curvature depends on states, controls or the time.
     pub(super) fn relaxes_to_convex(&self) -> bool {
         let s = &self.system;
-        let fixed = self.time == Durations::Fixed && self.complementarity.is_empty() && !self.has_transitions();
+        let fixed = self.time == Durations::Fixed && self.complementarity.is_empty();
         let smooth = fixed && !self.switches() && s.inclusions().is_empty() && s.mechanics().is_none();
         let stated = || self.path.iter().map(|c| &c.f).chain(self.terminal.iter().map(|c| &c.f));
         let affine = || {

@@ -111,7 +111,7 @@ impl<'a> Choices<'a> {
             inner,
             request: request.of_a_part(),
             guess: guess.or_else(|| ocp.u_guess.clone()),
-            plain: !ocp.is_simulated() && !ocp.switches() && !ocp.has_transitions(),
+            plain: !ocp.is_simulated() && !ocp.switches(),
             relaxed: None,
             is_relaxed: false,
             sampler: Sampler::new(ocp.settings.search_seed as u64),
@@ -147,8 +147,6 @@ impl<'a> Choices<'a> {
             inner.solve_simulated(Start::Cold, &request, control)?;
         } else if self.plain {
             inner.run(Start::Cold, &self.request, control)?;
-        } else if inner.has_transitions() {
-            inner.solve_transitions(Start::Cold, &self.request, control)?;
         } else {
             inner.search(Start::Cold, &self.request, control)?;
         }
@@ -176,7 +174,7 @@ impl<'a> Choices<'a> {
     /// Derivatives with respect to the choices of the last program: multipliers of what is fixed.
     fn prices(&self) -> Vec<f64> {
         let n = self.levels.n() * self.levels.n_stages();
-        let Some(b) = self.inner.built.as_ref().filter(|_| !self.inner.has_transitions()) else { return vec![0.0; n] };
+        let Some(b) = self.inner.built.as_ref() else { return vec![0.0; n] };
         let (z, stages) = (&b.solver.solution().z, b.problem.places().1);
         let m = self.levels.n();
         let price = |e: usize| z.get(stages[e / m] + self.levels.control(e % m)).copied().unwrap_or(0.0);

@@ -4,12 +4,12 @@ use super::derivatives::gradient;
 use super::judged;
 use super::space::{failure, MET};
 use crate::error::{Error, Result};
-use crate::fesd::{Element, Trajectory};
+use crate::event;
+use crate::fesd::{Element, Switch, SwitchKind, Trajectory};
 use crate::mpcc::Polish;
 use crate::nlp::{Outcome, Residuals};
 use crate::ocp::descent::{missed, violation, Chain, Lowest, Motion, Program, Shooting, Values};
 use crate::ocp::request::{Comparison, Request};
-use crate::ocp::transitions::{JumpMade, AT_END};
 use crate::ocp::{stage_times, Adaptation, Contacts, Ocp, OcpResult, Round};
 use crate::tableau::{Family, Tableau};
 
@@ -17,6 +17,26 @@ use crate::tableau::{Family, Tableau};
 const POINTS: usize = 3;
 /// Share of an element by which its start is looked at behind an event there.
 const BEHIND: f64 = 1e-9;
+
+/// Distance of a transition from the end of a stage, as a share of the stage, at which it is there.
+const AT_END: f64 = 1e-6;
+
+/// A transition of an answer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JumpMade {
+    /// Time.
+    pub t: f64,
+    /// The transition, in the order they were added to the system.
+    pub transition: usize,
+    /// The control stage it is made in.
+    pub stage: usize,
+    /// Its guard was beyond zero where its discrete state began, or where the control changed.
+    pub at_once: bool,
+    /// State just before `[nx]`.
+    pub before: Vec<f64>,
+    /// State just behind `[nx]`.
+    pub after: Vec<f64>,
+}
 
 /// The end of a descent on problems one behind the other.
 pub(super) struct End {
@@ -75,6 +95,36 @@ pub(super) struct Own<'a> {
     pub gradient: &'a [f64],
     /// Are all constraints met?
     pub solved: bool,
+}
+
+/// A switch of a simulation, with the element that begins there.
+fn switch(s: &event::Switch, elements: &[Element]) -> Switch {
+    let kind = match s.kind {
+        event::Kind::Cross => SwitchKind::Cross,
+        event::Kind::Enter => SwitchKind::Enter,
+        event::Kind::Leave | event::Kind::Spontaneous => SwitchKind::Leave,
+    };
+    let element = elements.partition_point(|e| e.t + 0.5 * e.h < s.t);
+    Switch { t: s.t, element, subsystem: s.subsystem, kind, before: s.before.clone(), after: s.after.clone() }
+}
+
+/// The modes of an element. Their weights are not known where several are active.
+fn put_modes(e: &mut Element, counts: &[usize], all: &[bool]) {
+    let n: usize = counts.iter().sum();
+    let mut first = 0;
+    e.active = all.get(..n).map_or_else(|| vec![false; n], <[bool]>::to_vec);
+    let mut weights = Vec::with_capacity(e.active.len());
+    for n in counts {
+        let own = &e.active[first..first + n];
+        let alone = own.iter().filter(|a| **a).count() == 1;
+        weights.extend(own.iter().map(|a| match a {
+            true if alone => 1.0,
+            true => f64::NAN,
+            false => 0.0,
+        }));
+        first += n;
+    }
+    e.theta = weights.repeat(POINTS);
 }
 
 impl Ocp {
@@ -169,7 +219,12 @@ impl Ocp {
                 let n = (n_fe as f64 * (w[1] - w[0]) / length).ceil().max(1.0);
                 for i in 0..n as usize {
                     let (t, h) = (w[0] + (w[1] - w[0]) * i as f64 / n, (w[1] - w[0]) / n);
-                    let x0 = state(if i == 0 { t + BEHIND * h } else { t })?;
+                    let mut x0 = state(if i == 0 { t + BEHIND * h } else { t })?;
+                    if i == 0 {
+                        // from behind an event back to it, along the tangent
+                        let next = state(t + 2.0 * BEHIND * h)?;
+                        x0.iter_mut().zip(next).for_each(|(x, next)| *x -= next - *x);
+                    }
                     let mut xs = Vec::with_capacity(POINTS * nx);
                     for c in &tableau.c {
                         xs.extend(state(t + c * h)?);
@@ -188,6 +243,14 @@ impl Ocp {
             start = end;
         }
         r.phases = phases;
+        let n_switching = self.system.n_switching();
+        r.trajectory.modes = self.system.mode_counts()[..n_switching].to_vec();
+        let switches = run.switches.iter().filter(|s| s.subsystem < n_switching);
+        r.trajectory.switches = switches.map(|s| switch(s, &r.trajectory.elements)).collect();
+        for e in &mut r.trajectory.elements {
+            let last = r.phases.iter().rfind(|p| p.0 <= e.t - self.t0 + 0.5 * e.h);
+            put_modes(e, &r.trajectory.modes, last.map_or(&[], |p| &p.1));
+        }
         let ends = &stage_times(self.t0, &r.durations)[1..];
         let stage_of = |t: f64| ends.iter().take_while(|e| **e < t).count().min(self.n_stages - 1);
         r.jumps = run

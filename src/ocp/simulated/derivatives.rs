@@ -220,7 +220,9 @@ impl Ocp {
         let at_end = |m: Multipliers| Multipliers { times: vec![starts[self.n_stages]], ..m };
         Ok(match of {
             MultipliersOf::Costates => {
-                let values = s.costates(&last.lowest)?.states.concat();
+                let mut found = s.costates(&last.lowest)?;
+                found.states[0].iter_mut().zip(&found.start).for_each(|(a, v)| *a += v);
+                let values = found.states.concat();
                 Multipliers { times: starts, values }
             }
             MultipliersOf::InitialState => {

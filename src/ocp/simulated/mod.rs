@@ -9,16 +9,19 @@
 //! is the knowledge of states in between: motions that are unstable over the horizon are found from controls next to them only.
 
 mod answer;
+mod compare;
 mod derivatives;
 mod landed;
 mod path;
 mod space;
+mod thresholds;
 
+pub use self::answer::JumpMade;
 use self::answer::{End, Own};
 pub(super) use self::landed::Landed;
 use self::space::{descend, Simulations, MET};
 use super::accuracy::Accuracy;
-use super::between::Between;
+use super::between::{Along, Between};
 use super::descent::{look_around, restore, Chain, Given, Lowest, ModeOrder, Preceding, Shooting, SAME_POINT};
 use super::extend::Extended;
 use super::joint::Link;
@@ -29,7 +32,7 @@ use super::request::Request;
 use super::solve::Start;
 use super::{stage_times, Ocp, OcpResult};
 use crate::error::{Error, Result};
-use crate::fesd::Sizes;
+use crate::fesd::{PathAt, Sizes};
 use crate::nlp::{allowance, Control, Outcome};
 use crate::search::{self, explore, Budget, Source};
 use crate::settings::{OcpStart, Settings};
@@ -60,7 +63,7 @@ impl Base {
         let Base { usual, durations, x0, cost, .. } = self;
         let (cuts, before, order) = (cuts.to_vec(), Preceding::default(), ocp.modes.as_ref().map(ModeOrder::given));
         // modes are those of the state, where nothing has a memory that it does not tell
-        let goes_on = ocp.is_simulated() || ocp.is_scene() || ocp.has_transitions();
+        let goes_on = ocp.is_simulated() || ocp.is_scene();
         Given { durations, x0, cost: *cost, usual, cuts, goes_on, order, before }
     }
 
@@ -124,7 +127,7 @@ pub(super) struct State {
 
 /// Do finite elements and programs of modes not follow a system that is simulated?
 pub(super) fn only_simulates(s: &System) -> bool {
-    let plain = s.has_programs_of_transitions();
+    let plain = s.transitions().is_empty();
     let Some(m) = s.mechanics() else { return !plain };
     let choices = m.order == Order::Second && !s.choices().is_empty();
     let in_space = m.contacts.iter().any(|c| c.kind == Kind::Unilateral && c.n_tangents > 1);
@@ -213,6 +216,19 @@ impl Ocp {
         Ok(())
     }
 
+    /// Are the initial values of discrete states given? They jump, and no search varies them.
+    pub(in crate::ocp) fn check_discrete_start(&self) -> Result<()> {
+        for s in self.system.discrete_states() {
+            let (l, u) = (self.x0_bounds[0][s], self.x0_bounds[1][s]);
+            if l != u {
+                return Err(Error::State(format!(
+                    "state {s} is discrete: its initial value must be given, its bounds are {l} and {u}"
+                )));
+            }
+        }
+        Ok(())
+    }
+
     /// What descents begin with: an answer of before, or what is given.
     pub(super) fn base(&self, last: Option<&OcpResult>) -> Result<Base> {
         let mut extended = self.extended()?;
@@ -235,7 +251,8 @@ impl Ocp {
     fn add_cuts(&self, cuts: &mut [Vec<f64>], violated: &[Between], r: &OcpResult) -> bool {
         let starts = stage_times(self.t0, &r.durations);
         let mut added = false;
-        for b in violated {
+        let between = |b: &&Between| !matches!(b.of, Along::Path(k) if self.path[k].at == PathAt::ControlGrid);
+        for b in violated.iter().filter(between) {
             let share = (b.t - starts[b.stage]) / r.durations[b.stage];
             if (SAME_POINT..1.0 - SAME_POINT).contains(&share)
                 && cuts[b.stage].iter().all(|c| (c - share).abs() > SAME_POINT)
@@ -258,6 +275,7 @@ impl Task<'_> {
         control: &mut Control,
     ) -> Result<Found> {
         for (k, o) in self.ocps.iter().enumerate() {
+            o.check_given_transitions()?;
             // a start that follows from the end before it has the values of that
             if k == 0 || self.links[k - 1].iter().all(|l| l.start.is_none()) {
                 o.check_discrete_start()?;
@@ -300,14 +318,15 @@ impl Task<'_> {
             let (missed, link_violation) = (end.missed.clone(), end.link_violation);
             let mut results = self.read(&parts, end, &lowest, request)?;
             let solved = results.iter().all(|r| r.outcome == Outcome::Solved);
+            let goes_on = round < ROUNDS && cut.is_none() && solved;
             let mut added = false;
-            for ((o, cuts), r) in self.ocps.iter().zip(&mut parts.1).zip(&results) {
+            for ((o, cuts), r) in self.ocps.iter().zip(&mut parts.1).zip(&results).filter(|_| goes_on) {
                 let counts = |b: &&Between| Accuracy::counts(b);
                 let more: Vec<Between> =
                     r.accuracy.iter().flat_map(|a| a.along.iter().filter(counts)).copied().collect();
                 added |= o.add_cuts(cuts, &more, r);
             }
-            if round < ROUNDS && cut.is_none() && solved && added {
+            if added {
                 // a row for every new point: multipliers are those of the next descent
                 for ((o, base), cuts) in self.ocps.iter().zip(&parts.0).zip(&mut parts.1) {
                     *cuts = Shooting::cuts(o, &base.extended, std::mem::take(cuts));
@@ -386,7 +405,7 @@ impl Task<'_> {
 /// Descends from the end of a descent until that gains nothing, with the constraints met as well as they can be.
 fn finish(chain: &mut Chain, mut lowest: Lowest, control: &mut Control, budget: &mut Budget) -> Result<Lowest> {
     for _ in 0..AGAIN {
-        if lowest.stationary && lowest.violation <= MET {
+        if lowest.ended && lowest.stationary && lowest.violation <= MET {
             break;
         }
         let start = restore(chain, &lowest.z)?.unwrap_or_else(|| lowest.z.clone());

@@ -2,10 +2,13 @@
 
 use std::rc::Rc;
 
+use super::thresholds::Thresholds;
 use crate::error::{Error, Result};
+use crate::func::Point;
 use crate::nlp::{allowance, Control, IterationInfo, Outcome};
-use crate::ocp::descent::{self, minimise, restore, Chain, GiveUp, Lowest, Program, Shooting, Values};
-use crate::ocp::{stage_times, transitions, OcpResult};
+use crate::ocp::choices::Controlled;
+use crate::ocp::descent::{self, minimise, restore, Chain, GiveUp, Lowest, Motion, Program, Shooting, Values};
+use crate::ocp::{stage_times, OcpResult};
 use crate::search::{Budget, Candidate, EarlyTermination, Limits, Neighbour, Patience, Rank, Sampler, Source, Space};
 use crate::settings::Settings;
 use crate::stop;
@@ -17,6 +20,11 @@ const NEARLY: f64 = 0.1;
 const AGAIN: usize = 3;
 /// Violation of a constraint, relative to what the variables change it by, that counts as none.
 pub(super) const MET: f64 = 1e-6;
+
+/// Kinds of neighbours.
+const EARLIER: usize = 0;
+const LATER: usize = 1;
+const PASSED: usize = 2;
 
 /// Variables of a descent.
 type Start = Rc<Vec<f64>>;
@@ -37,6 +45,8 @@ pub(super) struct Simulations<'a> {
     follows: bool,
     sampler: Sampler,
     best: Option<Best>,
+    /// Of every problem.
+    thresholds: Vec<Thresholds>,
 }
 
 /// The best solution so far.
@@ -55,7 +65,7 @@ fn constant(u: Vec<f64>) -> [Vec<f64>; 2] {
 
 impl<'a> Simulations<'a> {
     pub fn new(chain: Chain<'a>, settings: &'a Settings, last: Option<&'a [OcpResult]>) -> Simulations<'a> {
-        let each: Vec<Vec<Vec<f64>>> = chain.parts().iter().map(|p| transitions::extremes(p.ocp())).collect();
+        let each: Vec<Vec<Vec<f64>>> = chain.parts().iter().map(|p| p.ocp().extremes()).collect();
         let most = each.iter().map(Vec::len).max().unwrap_or(0);
         // a problem with fewer of them keeps the guess that is its first
         let nth = |k: usize| each.iter().map(|c| constant(c.get(k).unwrap_or(&c[0]).clone())).collect();
@@ -63,7 +73,8 @@ impl<'a> Simulations<'a> {
         let sampler = Sampler::new(settings.search_seed as u64);
         let alone = chain.parts().iter().any(|p| p.ocp().is_simulated());
         let follows = chain.parts().iter().all(|p| p.ocp().u_guess.is_none());
-        Simulations { chain, settings, last, controls, alone, follows, sampler, best: None }
+        let thresholds = chain.parts().iter().map(|p| Thresholds::of(&p.ocp().system)).collect();
+        Simulations { chain, settings, last, controls, alone, follows, sampler, best: None, thresholds }
     }
 
     fn candidate(&mut self, controls: &[[Vec<f64>; 2]]) -> Result<Proposal> {
@@ -150,6 +161,28 @@ impl<'a> Simulations<'a> {
     }
 }
 
+/// The variables with the controls of one stage behind one of these thresholds, and which one it is.
+fn passed(part: &Shooting, thresholds: &Thresholds, z: &[f64]) -> Vec<(usize, Vec<f64>)> {
+    let ocp = part.ocp();
+    let d = ocp.system.dims();
+    if thresholds.count() == 0 || (0..d.u).any(|j| part.is_linear(j)) {
+        return Vec::new();
+    }
+    let [controls, _] = part.user_controls(z);
+    let sizes: Vec<f64> = ocp.control_ranges().iter().map(|[l, u]| 0.5 * (u - l)).collect();
+    let x = vec![0.0; d.x];
+    let mut found = Vec::new();
+    for (k, t) in stage_times(ocp.t0, &ocp.durations)[..ocp.n_stages].iter().enumerate() {
+        let (u, [lower, upper]) = (&controls[k * d.u..(k + 1) * d.u], ocp.control_bounds(k));
+        let at = Point { t: *t, x: &x, u, p: ocp.params_of(k) };
+        for (kind, next) in thresholds.passed(&at, &sizes).into_iter().enumerate() {
+            let allowed = |u: &Vec<f64>| u.iter().zip(lower.iter().zip(upper)).all(|(u, (l, h))| l <= u && u <= h);
+            found.extend(next.filter(allowed).map(|u| (kind, part.with_controls(z, k, &u))));
+        }
+    }
+    found
+}
+
 /// Counts the steps of every problem since there were `before`.
 pub(super) fn count(chain: &Chain, before: &[usize], budget: &mut Budget) {
     chain.steps().zip(before).for_each(|((nx, steps), before)| budget.simulated(nx, steps - before));
@@ -226,10 +259,31 @@ impl Space for Simulations<'_> {
         Ok(found.map(|f| (candidate.sequence.clone(), f)).into_iter().collect())
     }
 
+    /// A control on the border between two modes is in neither.
+    fn verify(&mut self, s: &mut Lowest, _: &mut Budget, _: &mut Control) -> Result<()> {
+        if self.thresholds.iter().all(|t| t.count() == 0) {
+            return Ok(());
+        }
+        let motions = self.chain.traced(&s.z, 0.0)?.0;
+        for (part, Motion { run, .. }) in self.chain.parts().iter().zip(motions) {
+            let (ocp, first) = (part.ocp(), part.n_front());
+            let (params, [controls, _]) = (part.all_params(&s.z), part.user_controls(&s.z));
+            let (Some(path), mut whole) = (run.path, vec![0.0; run.x.len()]) else { continue };
+            let mut starts = Vec::with_capacity(ocp.n_stages);
+            for t in &stage_times(ocp.t0, &part.durations(&s.z))[..ocp.n_stages] {
+                path.eval(t.min(run.t), 0, &mut whole)?;
+                starts.push((*t, whole[first..].to_vec()));
+            }
+            let own = Controlled { controls: &controls, params: &params[..ocp.system.dims().p], starts };
+            s.contradicted |= ocp.choice_of(&own)?.is_some_and(|c| c.doubt.is_some());
+        }
+        Ok(())
+    }
+
     fn rank(&self, s: &Lowest) -> Rank {
         Rank {
             feasible: s.violation <= MET,
-            contradicted: false,
+            contradicted: s.contradicted,
             cost: s.cost,
             violation: s.violation,
             idle: 0,
@@ -237,8 +291,26 @@ impl Space for Simulations<'_> {
         }
     }
 
+    /// Controls a stage earlier or later: events that no descent moves from one stage to another are in the next one then. Behind every threshold that
+    /// the controls of a stage have.
     fn neighbours(&self, s: &Lowest) -> (Vec<Neighbour<Vec<u64>>>, Start) {
-        (Vec::new(), Rc::new(s.z.clone()))
+        let mut found = Vec::new();
+        let mut add = |z: Vec<f64>, kind: usize, is_local: bool| {
+            let sequence = z.iter().map(|v| v.to_bits()).collect();
+            found.push(Neighbour { sequence, promise: 0.0, kind, is_local });
+        };
+        for (part, thresholds) in self.chain.parts().iter().zip(&self.thresholds) {
+            add(part.shifted(&s.z, true), EARLIER, true);
+            add(part.shifted(&s.z, false), LATER, true);
+            for (kind, z) in passed(part, thresholds, &s.z) {
+                add(z, PASSED + kind, false);
+            }
+        }
+        (found, Rc::new(s.z.clone()))
+    }
+
+    fn moved(&self, _: &Lowest, _: &Start, to: &Vec<u64>) -> Start {
+        Rc::new(to.iter().map(|v| f64::from_bits(*v)).collect())
     }
 }
 

@@ -581,8 +581,7 @@ class Ocp(Hints, OcpTerms, OcpSearch):
         return Multipliers(times, values)
 
     def multipliers(self) -> OcpMultipliers:
-        """Multipliers of bounds and constraints of the last solution, which must be exact, and costates. Not known of problems with
-        transitions or contacts."""
+        """Multipliers of bounds and constraints of the last solution, which must be exact, and costates."""
 
         def every(of: int) -> list[Multipliers]:
             n = ctypes.c_int64()
