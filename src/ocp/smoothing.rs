@@ -31,7 +31,7 @@ enum From {
 }
 
 /// Where ladders begin, the likeliest first: the width, and the point.
-const FIRST: [(f64, From); 4] = [(1.0, From::Guess), (1.0, From::Straight), (0.1, From::Guess), (10.0, From::Guess)];
+const FIRST: [(f64, From); 4] = [(1.0, From::Guess), (0.1, From::Guess), (1.0, From::Straight), (10.0, From::Guess)];
 /// Further ladders. They begin narrow: wide problems lead to the same optimum from everywhere.
 const MORE: [(f64, From); 4] =
     [(0.3, From::Random(1)), (0.3, From::Random(2)), (0.3, From::Random(3)), (0.3, From::Random(4))];

@@ -669,23 +669,27 @@ impl<'a> Descent<'a> {
                 continue;
             }
             let smooth = kinks.iter().all(Option::is_none);
-            let least = if smooth { MEASURED } else { NOTHING };
-            if gain <= least {
+            if smooth && gain > 0.0 && gain <= MEASURED.min(QUARTER * unseen) {
                 // too little to be measured, but slopes at its end are smaller where the Hessian is right: as long as that shows
                 spent += 1;
-                let level = self.merit(&here) + least;
-                if !(gain > 0.0 && self.evaluate(&next, &mut there)? && self.merit(&there) <= level) {
-                    break;
+                let level = self.merit(&here) + MEASURED;
+                if self.evaluate(&next, &mut there)? && self.merit(&there) <= level {
+                    self.update((&y, &here), (&next, &there), &found, fresh);
+                    (fresh, unseen) = (false, gain);
+                    y = next;
+                    std::mem::swap(&mut here, &mut there);
+                } else {
+                    unseen = 0.0;
                 }
-                self.update((&y, &here), (&next, &there), &found, fresh);
-                fresh = false;
-                y = next;
-                std::mem::swap(&mut here, &mut there);
-                if gain > QUARTER * unseen || !smooth {
-                    break;
-                }
-                unseen = gain;
                 continue;
+            }
+            if gain <= NOTHING {
+                spent += 1;
+                if gain > 0.0 && self.evaluate(&next, &mut there)? && self.merit(&there) <= self.merit(&here) {
+                    y = next;
+                    std::mem::swap(&mut here, &mut there);
+                }
+                break;
             }
             spent += 1;
             let mut reached = self.evaluate(&next, &mut there)?;

@@ -22,6 +22,10 @@ use crate::search::{explore, Budget, Source};
 use crate::settings::OcpStart;
 use crate::stop::{self, Why};
 
+/// Ladders of smoothed problems next to an optimum that descents have found; where they have found none all are asked for. The comparison that chose it is
+/// in `docs/dev/log/search.md`.
+const LADDERS: usize = 2;
+
 /// What a search has found so far.
 type Known = Vec<(Ended, Sequence)>;
 
@@ -140,6 +144,9 @@ impl Ocp {
             (None, _) => &[Source::Guess, Source::Relaxation, Source::Smoothing],
         };
         let mut space = Filippov::new(self, from, out.known.clone(), request, control)?;
+        if landed.is_some_and(|l| l.result.is_optimum()) {
+            space.ladders = LADDERS;
+        }
         let plan = plan(&self.settings, sources, self.settings.search_effort, request.search, false);
         let all = match explore(&mut space, &plan, known, &mut spent.budget, control) {
             // nothing was found before

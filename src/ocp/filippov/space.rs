@@ -84,6 +84,8 @@ pub(super) struct Filippov<'a> {
     known_answer: Option<(Box<OcpResult>, Room)>,
     guessed: bool,
     largest: f64,
+    /// Ladders of smoothed problems that are left.
+    pub ladders: usize,
     /// Seconds to build problems.
     pub time_build: f64,
 }
@@ -111,6 +113,7 @@ impl<'a> Filippov<'a> {
             known_answer,
             guessed: false,
             largest: 0.0,
+            ladders: usize::MAX,
             time_build: 0.0,
             dcs,
             ocp,
@@ -153,7 +156,8 @@ impl<'a> Filippov<'a> {
         if self.smoother.is_none() {
             self.smoother = Some(self.ocp.smoother(&self.known, &self.request, control)?);
         }
-        while let Some(Some(smoother)) = self.smoother.as_mut() {
+        while let Some(Some(smoother)) = self.smoother.as_mut().filter(|_| self.ladders > 0) {
+            self.ladders -= 1;
             // what descents ended at is where they led, and no plan
             let plans = self.known_answer.as_ref().is_some_and(|(_, room)| !room.lowest);
             let answers = if plans { smoother.plan_ladder(control) } else { smoother.next_ladder(control) };

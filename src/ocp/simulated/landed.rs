@@ -10,8 +10,9 @@ use crate::ocp::request::Request;
 use crate::ocp::{Ocp, OcpResult};
 use crate::stop;
 
-/// Costs that differ by less, relative, are the same.
+/// Costs that differ by less, relative, are the same, and so are costs that differ by less of their usual size than the tolerance of simulations.
 const SAME: f64 = 1e-4;
+const TOLD: f64 = 1e-8;
 
 /// The answer that descents lead to, and what its derivatives are made of.
 pub(in crate::ocp) struct Landed {
@@ -93,13 +94,14 @@ impl Ocp {
             let next = self.landed(Some(own), request, spent, control)?;
             landed = next.filter(|n| n.result.priced <= cost(&landed)).or(landed);
         }
+        let alike = (SAME * own.priced.abs()).max(TOLD * self.cost_size(own.priced));
         // derivatives on one side of what the answer is held at may lead down where no motion does
-        let share = match landed.as_ref().filter(|_| own.is_not_optimal()) {
-            Some(l) if l.result.is_optimum() => -SAME,
+        let least = match landed.as_ref().filter(|_| own.is_not_optimal()) {
+            Some(l) if l.result.is_optimum() => -alike,
             Some(_) => 0.0,
-            None => SAME,
+            None => alike,
         };
-        let lower = cost(&landed) < own.priced - share * own.priced.abs();
+        let lower = cost(&landed) < own.priced - least;
         Ok(landed.filter(|_| lower))
     }
 
