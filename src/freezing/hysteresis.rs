@@ -6,7 +6,7 @@
 //!
 //! The plane of `(ψ, w)` is divided by the points `z = (¼,−¼), (¼,¼), (¾,¾), (¾,5/4)`: evolution with `w = 0` is the sliding mode
 //! between the first two regions, with `w = 1` that between the last two, and in the second and third `w` moves while the
-//! clock stands still. Optimal control by sequences of transitions is faster and exact; this is for comparison, and for chains
+//! clock stands still. Optimal control by descents on simulations is faster and exact; this is for comparison, and for chains
 //! `w → w ± 1` as sums of such relays.
 
 use std::sync::Arc;

@@ -566,7 +566,8 @@ end
     set_modes!(ocp, sequence)
 
 Give the order of modes, as `modes` returns it (`cells` may be left out): the next solves start with it and follow the
-homotopy only where it has no solution. Of a model with transitions those in `transitions` are made, and no others. `nothing` forgets it.
+homotopy only where it has no solution. Of a model with transitions only motions with this order of modes and `transitions` count; times and
+stages say nothing. `nothing` forgets it.
 """
 function set_modes!(o::Ocp, sequence)
     if sequence === nothing

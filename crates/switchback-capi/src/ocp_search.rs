@@ -143,13 +143,13 @@ pub unsafe extern "C" fn swb_ocp_get_mode_transitions(
     })
 }
 
-/// Give the transitions of the mode sequence, which swb_ocp_set_modes was given before: the next solves make these, in these control
-/// stages, and no others, unless that has no solution. Without this call after swb_ocp_set_modes none is made.
+/// Give the transitions of the mode sequence, which swb_ocp_set_modes was given before: in the next solves only motions with these, in this order,
+/// count. Without this call after swb_ocp_set_modes it is motions with none.
 ///
-/// @param[in] t          [n] times from the start of the horizon, to start from
+/// @param[in] t          [n] times from the start of the horizon; they say nothing, as swb_ocp_get_mode_transitions has them
 /// @param[in] transition [n] which ones, in the order they were added to the system
-/// @param[in] stage      [n] the control stages they are made in, not falling
-/// @param[in] at_once    [n] not 0 where the guard is beyond zero without passing it
+/// @param[in] stage      [n] control stages, not falling; they say nothing else
+/// @param[in] at_once    [n] not 0 where the guard is beyond zero without passing it; it says nothing
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE if no modes are given; SWB_ERR_RANGE for transitions or stages that do not exist, or
 ///         stages that fall
 #[no_mangle]

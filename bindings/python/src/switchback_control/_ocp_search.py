@@ -138,9 +138,8 @@ class OcpSearch(Solver):
     def set_modes(self, modes: Modes | None) -> None:
         """Give the order of modes: the next solves start with it, from the guesses of states and controls, and follow the
         homotopy only where it has no solution; None forgets it. Orders next to it are tried within the budget of the
-        option mode_search only. Of a model with transitions those of the sequence are made, in these control stages, and no others,
-        unless that has no solution. Where simulations alone follow the system, only motions with this order of modes and
-        transitions count, and the times say nothing."""
+        option mode_search only. Where simulations alone follow the system, as they do where it has transitions, only motions with this
+        order of modes and transitions count; times and stages say nothing."""
         if modes is None:
             self._do("set_modes", None, 0, None, 0, None, 0)
             return
