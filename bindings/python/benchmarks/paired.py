@@ -440,7 +440,7 @@ def write(path: Path, stored: dict[str, Any]) -> None:
 
 
 #: Names of the families: the program itself loads no library.
-FAMILIES = ["friction", "gears", "regions", "tanks", "walls", "pushing", "hysteresis", "onoff", "hopping", "projected", "affine", "horizons"]
+FAMILIES = ["friction", "gears", "regions", "tanks", "walls", "pushing", "hysteresis", "onoff", "hopping", "projected", "affine", "horizons", "gates", "lines"]
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -22,14 +22,14 @@ import numpy as np
 import switchback_control as swb
 from switchback_control import SwitchbackError
 
-from . import affine, friction, gears, hopping, horizons, hysteresis, onoff, projected, pushing, regions, tanks, walls
+from . import affine, friction, gates, gears, hopping, horizons, hysteresis, lines, onoff, projected, pushing, regions, tanks, walls
 from .statement import Statement, function_of, without_noise
 
 __all__ = ["FAMILIES", "Problem", "Statement", "generator", "instance"]
 
 FAMILIES: dict[str, Any] = {
     m.__name__.rpartition(".")[2]: m
-    for m in (friction, gears, regions, tanks, walls, pushing, hysteresis, onoff, hopping, projected, affine, horizons)
+    for m in (friction, gears, regions, tanks, walls, pushing, hysteresis, onoff, hopping, projected, affine, horizons, gates, lines)
 }
 #: Draws of one structure without a usable one among them after which another structure is drawn, and of such structures that mean that a family is wrong.
 DRAWS, STRUCTURES = 200, 20
@@ -65,7 +65,8 @@ class Problem:
     def make(self, **options: Any) -> swb.Ocp:
         """The problem, to be solved with these options."""
         d, s = self.data, self.state()
-        how = {"initial_state": initial_state(d), "control_bounds": s.control_bounds(d), **s.options, **options}
+        start = {"initial_bounds": initial_bounds(d)} if "start" in d else {"initial_state": initial_state(d)}
+        how = {**start, "control_bounds": s.control_bounds(d), **s.options, **options}
         ocp = swb.Ocp(s.system, d["horizon"] * d["units"]["t"], d["stages"], **how)
         if s.lagrange is not None:
             ocp.set_lagrange(s.system.function(s.lagrange * (d["units"]["cost"] / d["units"]["t"])))
@@ -125,6 +126,12 @@ def structure(d: dict[str, Any]) -> tuple[Any, ...]:
 
 def initial_state(d: dict[str, Any]) -> list[float]:
     return [x * unit for x, unit in zip(d["x0"], d["units"]["x"])]
+
+
+def initial_bounds(d: dict[str, Any]) -> tuple[list[float], list[float]]:
+    """Of a start that is free."""
+    low, high = ([x * unit for x, unit in zip(side, d["units"]["x"])] for side in d["start"])
+    return low, high
 
 
 def stages(d: dict[str, Any], guess: np.ndarray) -> Any:
