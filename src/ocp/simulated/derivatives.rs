@@ -200,10 +200,19 @@ impl Ocp {
         })
     }
 
+    /// The problem of the last solve in the variables of descents.
+    fn solved_shooting<'a>(&'a self, last: &'a Last) -> Result<Shooting<'a>> {
+        let s = last.base.shooting(self, &last.cuts)?;
+        if (s.bounds().0.len(), s.row_bounds().0.len()) != (last.lowest.z.len(), last.lowest.multipliers.len()) {
+            return Err(Error::State("the problem was changed since its last solution: solve it again".into()));
+        }
+        Ok(s)
+    }
+
     /// Multipliers of an answer of shooting: those of the rows of its program, whose points are those of the simulation at which they are held.
     pub(in crate::ocp) fn simulated_multipliers(&self, of: MultipliersOf) -> Result<Multipliers> {
         let last = self.last_simulated()?;
-        let mut s = last.base.shooting(self, &last.cuts)?;
+        let mut s = self.solved_shooting(last)?;
         let (z, mu) = (&last.lowest.z, &last.lowest.multipliers);
         let d = self.system.dims();
         let r = self.result.as_ref().ok_or_else(missing)?;
@@ -277,7 +286,7 @@ impl Ocp {
     /// initial states that leave a constraint.
     pub(in crate::ocp) fn simulated_sensitivity(&self) -> Result<OcpSensitivity> {
         let last = self.last_simulated()?;
-        let mut s = last.base.shooting(self, &last.cuts)?;
+        let mut s = self.solved_shooting(last)?;
         let z = &last.lowest.z;
         let d = self.system.dims();
         let found = s.costates(&last.lowest)?;
@@ -298,8 +307,10 @@ impl Ocp {
                 ),
                 Some(j) => (s.param_at(j).is_none(), found.params[j]),
             };
-            let mut by = vec![if is_given { f64::NAN } else { 0.0 }; z.len()];
-            if let Some(lu) = factor.as_ref().filter(|_| is_given) {
+            // where bounds hold all variables nothing moves them
+            let moves = is_given && !conditions.free.is_empty();
+            let mut by = vec![if moves { f64::NAN } else { 0.0 }; z.len()];
+            if let Some(lu) = factor.as_ref().filter(|_| moves) {
                 let size = s.move_datum(datum, 0.0);
                 let change = conditions.change(size, &mut |h| {
                     s.move_datum(datum, h);
