@@ -252,7 +252,8 @@ impl Ocp {
             self.durations.clone_from(&r.durations);
         }
         self.params = self.params_from(r);
-        self.modes = r.is_exact().then(|| r.modes());
+        // phases of a simulation know no grid, which may have fewer elements
+        self.modes = (r.is_exact() && r.phases.is_empty()).then(|| r.modes());
         Ok(())
     }
 }
