@@ -32,6 +32,10 @@ Q0, V0, P0, U0 = 1.0, -0.5, 0.3, 0.2
 BRAKE, GUARD = 0.6, 0.62
 
 
+#: Ingredients that are stated in a scene.
+MECHANICAL = {"contact", "joint", "bilateral"}
+
+
 class CannotBeStated(Exception):
     """The statements of the library have no place for it; the message says why."""
 
@@ -70,13 +74,17 @@ class Case:
         return self.x0 + by * self.along
 
 
+def can_be_stated(parts):
+    """Whether one model has these ingredients: a set that holds a state is no part of a scene."""
+    return "unilateral" not in parts or not MECHANICAL & set(parts)
+
+
 def build(parts):
     """The model of one or two ingredients. Raises CannotBeStated, or what the library raises where the parts are put together."""
     have = set(parts)
-    mechanical = have & {"contact", "joint", "bilateral"}
-    if "unilateral" in have:
-        if mechanical:
-            raise CannotBeStated(f"a Scene has no set that holds a state, a Projected has no {' and '.join(sorted(mechanical))}")
+    mechanical = have & MECHANICAL
+    if not can_be_stated(parts):
+        raise CannotBeStated(f"a Scene has no set that holds a state, a Projected has no {' and '.join(sorted(mechanical))}")
     kind = "scene" if mechanical else "projected" if "unilateral" in have else "model"
     s, q, v, z = _states(kind, have)
     force, equation = _force(kind, s, q, v, z, have)
