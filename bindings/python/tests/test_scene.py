@@ -541,3 +541,30 @@ def test_what_rests_against_friction_takes_one_step():
     s.contact("touch", s.q[0] - s.q[1])
     run = s.simulate([0.0, 0.0], [0.0, 0.0], 1.2, u=[2.0])
     assert run.stats.steps == 1 and not run.x_end.any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bodies_at_rest_side_by_side_stay_whatever_rounding_says(seed):
+    """A pusher and two boxes on a slope they stick to; their velocities, and the force of the pusher, are rounding."""
+    masses = (0.7, 0.8, 0.9)
+    s = swb.Scene("p x0 y0 x1 y1", u="f", name="pusher and boxes")
+    s.inertia(np.diag([masses[0], masses[1], masses[1], masses[2], masses[2]]))
+    s.force([s.u[0], -0.03 * masses[1], -masses[1], -0.03 * masses[2], -masses[2]])
+    p, x0, y0, x1, y1 = s.q
+    s.contact("pusher", gap=x0 - p, e=0.2)
+    s.contact("boxes", gap=x1 - x0, e=0.2)
+    s.contact("table 0", gap=y0, tangents=x0, mu=0.5)
+    s.contact("table 1", gap=y1, tangents=x1, mu=0.5)
+    rng = np.random.default_rng(seed)
+
+    def rounding():
+        return rng.normal() * 1e-16 * rng.integers(0, 2)
+
+    for _ in range(150):
+        x = rng.uniform(0.01, 1.0)
+        first = [x + x * rounding(), x + x * rounding(), 0.0, x, 0.0, rounding(), rounding(), 0.0, rounding(), 0.0]
+        first[0], first[3] = min(first[0], first[1]), max(first[3], first[1])
+        pull = rng.normal() * 10 ** rng.uniform(-16, -9)
+        run = swb.simulate(s, first, 0.3, u=[pull], rtol=1e-8, atol=1e-8)
+        assert run.success, (first, pull, run.reason)
+        assert np.abs(run.x_end - first).max() < 1e-8

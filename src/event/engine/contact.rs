@@ -66,6 +66,8 @@ pub(super) struct SceneRoom {
     pub(super) last: Vec<(usize, f64)>,
     pub(super) after: Vec<f64>,
     pub(super) before: Vec<Vec<usize>>,
+    /// Modes that were left since the last step or impact, and how many of these there were.
+    passed: (Vec<Vec<Vec<usize>>>, [usize; 2]),
     pub(super) row: Vec<f64>,
     /// Jacobians of the resets of an event.
     pub(super) resets: Vec<f64>,
@@ -77,6 +79,7 @@ impl SceneRoom {
         self.flights = 0;
         self.idle = false;
         self.hit = f64::NEG_INFINITY;
+        self.passed.0.clear();
         self.left.fill(f64::NEG_INFINITY);
     }
 }
@@ -392,7 +395,7 @@ impl Engine {
             self.field.contact_sizes(self.t, &self.x)?;
         }
         self.f_before.copy_from_slice(&self.f);
-        let recorded = self.derivatives.sens.is_some() || self.derivatives.tape.is_some();
+let recorded = self.derivatives.sens.is_some() || self.derivatives.tape.is_some();
         let meeting = if recorded && !again { self.meeting(event)? } else { None };
         let together = match meeting {
             Some(m) => Some((self.follow_orders(&m, length)?, m, self.derivatives.sens.as_ref().map(|s| s.s.clone()))),
@@ -458,16 +461,16 @@ impl Engine {
         self.log.one_sided |= !unique || !met.both && (!unique_impact || several);
         let one_sided = self.log.one_sided;
         unique &= unique_impact;
+        let returns = self.returns_at_once();
         self.contact_events.scene.idle =
-            self.field.active == self.contact_events.scene.before && self.log.impacts.len() == start;
+            returns || self.field.active == self.contact_events.scene.before && self.log.impacts.len() == start;
+        if returns {
+            self.crowd_of_modes();
+        }
         if self.field.active == self.contact_events.scene.before {
             if self.contact_events.scene.idle {
                 // nothing has changed: a force or a speed that only touches zero
-                self.calendar.crowd += 1;
-                if self.calendar.crowd > 20 {
-                    let text = format!("the contact modes contradict each other{BY_STEPS}");
-                    self.fail(Outcome::NoContinuation, text);
-                }
+                self.crowd_of_modes();
                 if let Some(l) = l.filter(|l| self.is_zero_still(*l)) {
                     self.functions.depart[l] = self.functions.depart[l].max(2);
                 }
@@ -484,6 +487,28 @@ impl Engine {
         }
         self.note_phase();
         Ok(())
+    }
+
+    /// Are the modes behind an event some that were left already, with neither a step nor an impact in between? What tells them apart is rounding.
+    fn returns_at_once(&mut self) -> bool {
+        let now = [self.log.stats.steps, self.log.stats.impacts];
+        let SceneRoom { passed: (left, then), before, .. } = &mut self.contact_events.scene;
+        if std::mem::replace(then, now) != now {
+            left.clear();
+        }
+        if self.field.active == *before {
+            return false;
+        }
+        left.push(before.clone());
+        left.contains(&self.field.active)
+    }
+
+    /// Notes an event that leads to nothing new; a crowd of them at one time ends the run.
+    fn crowd_of_modes(&mut self) {
+        self.calendar.crowd += 1;
+        if self.calendar.crowd > 20 {
+            self.fail(Outcome::NoContinuation, format!("the contact modes contradict each other{BY_STEPS}"));
+        }
     }
 
     /// Is watch `l` zero where the modes begin, as well as a located event knows it? Bodies that share a load anew have other forces than before.
