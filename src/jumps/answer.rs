@@ -3,8 +3,8 @@
 use super::blame::Blame;
 use super::exact::Solved;
 use super::guards::Touched;
+use super::missed::Missed;
 use super::modes::Sequence;
-use super::shots::Missed;
 use super::track::Track;
 use super::transcribe::Broken;
 use crate::freezing::Report;

@@ -1,6 +1,5 @@
 //! What a search for contact modes is asked for.
 
-use super::answer::Answer;
 use super::modes::Sequence;
 use crate::mpcc::MpccSettings;
 
@@ -9,7 +8,7 @@ use crate::mpcc::MpccSettings;
 #[repr(i32)]
 #[non_exhaustive]
 pub enum Method {
-    /// From the simulated guess, time stepping, simulated shots, and, where nothing has a solution, FESD with jumps, in one race.
+    /// From descents on simulations, and, where these lead to no solution, from the simulated guess, time stepping and FESD with jumps.
     #[default]
     Auto = 0,
     /// From the simulated guess and the sequences next to it.
@@ -18,10 +17,22 @@ pub enum Method {
     FesdJ = 2,
     /// From time stepping.
     Steps = 3,
-    /// From simulations of controls drawn at random and aimed at the constraints.
+    /// From descents on simulations alone.
     Shots = 4,
     /// From time-freezing: finite elements in a numerical time in which nothing jumps.
     Freezing = 5,
+}
+
+/// What has led to the controls to start from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lead {
+    /// Nothing: they are a guess.
+    Guess,
+    /// Descents on simulations; is their end known as an optimum?
+    Descents {
+        /// That it is one.
+        optimum: bool,
+    },
 }
 
 /// What a search is given besides the problem.
@@ -42,6 +53,8 @@ pub struct Options {
     pub least_tried: usize,
     /// Is one solution better than another?
     pub has_costs: bool,
+    /// What has led to the controls to start from.
+    pub lead: Lead,
     /// Controls to start from `[n_stages · wide.u]`.
     pub controls: Vec<f64>,
     /// Initial state to start from.
@@ -50,6 +63,4 @@ pub struct Options {
     pub states: Option<(Vec<f64>, Vec<f64>)>,
     /// A mode sequence to start from.
     pub sequence: Option<Sequence>,
-    /// An answer to a problem nearby, whose modes are tried first.
-    pub warm: Option<Answer>,
 }

@@ -154,7 +154,7 @@ impl Problem {
     }
 
     /// The same with other lengths and values of parameters, by their number among all, to start from.
-    pub(super) fn restated_at(&self, durations: Vec<f64>, params: &[(usize, f64)]) -> Problem {
+    pub fn restated_at(&self, durations: Vec<f64>, params: &[(usize, f64)]) -> Problem {
         let mut given = Statement { durations, ..self.given.clone() };
         for &(j, value) in params {
             given.params.iter_mut().skip(j).step_by(given.wide.p).for_each(|p| *p = value);

@@ -5,8 +5,7 @@
 //! the control problem. Either the simulations meet contacts that the order of the answer does not have, between two points of its grid: then the
 //! order they have is solved for, from their motion. Or the grid is too coarse: on a finer one, in the stages that are off, the order of the answer
 //! is solved for from its motion. Those next to it are compared on the first finer grid: what they cost changes there, and next to nothing on the
-//! grids behind. Where no order has a solution on the finer grid the coarse one has made a motion that there is not: then a motion that there is is
-//! looked for beside it ([`solve_beside`]). All grids together take no more than [`SHARE`] of the effort of the search, and never less than one program
+//! grids behind. All grids together take no more than [`SHARE`] of the effort of the search, and never less than one program
 //! each. What is found replaces the answer where simulations of its stages are closer to it; of two that they are as far from the cheaper one is kept.
 
 use super::answer::{Answer, Found};
@@ -14,7 +13,7 @@ use super::exact::Solved;
 use super::modes::{ContactMode, Key};
 use super::options::Options;
 use super::problem::Problem;
-use super::search::{solve_again, solve_beside, Sought};
+use super::search::{solve_again, Sought};
 use super::simulate::replay_stages;
 use super::space::Reach;
 use super::track::{Piece, Track};
@@ -141,12 +140,8 @@ impl Spent {
 pub struct Aim {
     /// How far simulations of single stages may be off.
     pub within: f64,
-    /// How far they are off at least for an answer whose order has no solution on a finer grid to be left for one beside it.
-    pub far: f64,
     /// Tolerance of the simulations, relative to the sizes of the states.
     pub tol: f64,
-    /// Are shots tried beside it?
-    pub shoots: bool,
 }
 
 /// Refines an answer until simulations of its stages are near enough, or as far as that has solutions, or until it comes to an order of contacts that another
@@ -158,7 +153,7 @@ pub fn refine(
     problem: Problem,
     found: Found,
     options: &Options,
-    Aim { within, far, tol, shoots }: Aim,
+    Aim { within, tol }: Aim,
     visited: &mut Vec<Key>,
     control: &mut Control,
 ) -> Result<Refined> {
@@ -168,7 +163,6 @@ pub fn refine(
     let mut spent = Spent { most, effort: 0, stats: best.answer.stats, tried: best.answer.tried };
     let mut asked: Vec<Key> = vec![best.answer.sequence.key()];
     let mut compared = false;
-    let first_finer = best.finer(within)?;
     for _ in 0..ROUNDS {
         if best.off <= within || stop::requested().is_some() {
             break;
@@ -186,10 +180,6 @@ pub fn refine(
                 next = further.with_simulated_order((options, within, tol), (&mut asked, &mut spent), control)?;
             }
             next = next.filter(|n| n.replaces(&best, within));
-        }
-        if next.is_none() && best.off > far {
-            let sought = solve_beside(&first_finer, (&best.answer, options), (shoots, spent.left()), control)?;
-            next = spent.refined(&first_finer, sought, tol).filter(|n| n.replaces(&best, within));
         }
         let Some(next) = next else { break };
         let key = next.answer.sequence.key();

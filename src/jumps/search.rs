@@ -5,14 +5,14 @@ use std::time::Instant;
 
 use super::answer::{Answer, Findings, Found, Paradox};
 use super::blame::blame;
+use super::missed::{missed, simulation};
 use super::modal;
 use super::modes::{ContactMode, Sequence, LEAST};
 use super::neighbours::neighbours;
-use super::options::{Method, Options};
+use super::options::{Lead, Method, Options};
 use super::problem::Problem;
-use super::shots::{beside, missed, simulation, Beside};
 use super::simulate::{met, Met};
-use super::space::{Contacts, Ended, Order, Reach};
+use super::space::{Contacts, Ended, Reach};
 use super::track::Track;
 use crate::error::{Error, Result};
 use crate::nlp::{Control, Outcome, Statistics};
@@ -34,19 +34,10 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<Fi
     let clock = Instant::now();
     let mut budget = Budget::new(f64::INFINITY);
     let (sought, met) = search(p, options, &mut budget, control)?;
-    let Sought { best, others, agreeing, tried, .. } = sought;
-    let (mut best, solved) = match best {
-        Some(found) => found,
-        None => {
-            stop::check()?;
-            return Err(Error::Internal("a search without an answer".into()));
-        }
-    };
-    let own_iterations = std::mem::replace(&mut best.stats, budget.stats).iterations;
-    best.stats.time_total = clock.elapsed().as_secs_f64();
-    (best.effort, best.tried) = (budget.spent() as usize, tried);
+    let own_iterations = sought.best.as_ref().map_or(0, |b| b.0.stats.iterations);
+    let mut found = sought.findings(&budget, clock)?;
+    let best = &mut found.best.0;
     if !best.is_solved() {
-        best.agreeing = agreeing;
         best.outcome = match (stop::requested(), best.outcome) {
             (Some(Why::OutOfTime), _) => Outcome::MaxTime,
             (Some(Why::Interrupted), _) => Outcome::Stopped,
@@ -54,37 +45,42 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<Fi
             (_, Outcome::MaxIter) if own_iterations < options.solver.max_iter => Outcome::Stalled,
             (_, outcome) => outcome,
         };
-        explain(p, options, &mut best, met, control)?;
+        explain(p, options, best, met, control)?;
     }
-    let effort = best.effort;
-    let others = others.into_iter().map(|(a, s)| (Answer { effort, ..a }, s)).collect();
-    Ok(Findings { best: (best, solved), others })
+    Ok(found)
+}
+
+/// Goes where phases that vanish lead from the modes of an answer to a problem nearby, and no further; nothing where there is no solution.
+///
+/// # Errors
+/// Those of building programs.
+pub fn go_on_from(last: &Answer, p: &Problem, options: &Options, control: &mut Control) -> Result<Option<Findings>> {
+    let clock = Instant::now();
+    let mut budget = Budget::new(f64::INFINITY);
+    let mut space = Contacts::new(p, options, Reach::Wanted, false);
+    space.sources.given.clear();
+    space.sources.give(last.planned.clone(), Rc::new(last.track.clone()), Some(Rc::new(last.point.clone())));
+    let found = Sought::of(&mut space, &[Source::Guess], (options, 0.0), &mut budget, control)?;
+    found.is_solved().then(|| found.findings(&budget, clock)).transpose()
 }
 
 /// The whole search of a problem, and what the simulation of the guess met, where that was asked for.
 fn search(p: &Problem, options: &Options, budget: &mut Budget, control: &mut Control) -> Result<(Sought, Option<Met>)> {
-    if let Some(last) = &options.warm {
-        // an answer of before goes where phases that vanish lead, and no further
-        let mut space = Contacts::new(p, options, Reach::Wanted, false);
-        space.sources.given.clear();
-        space.sources.give(last.planned.clone(), Rc::new(last.track.clone()), Some(Rc::new(last.point.clone())));
-        let found = Sought::of(&mut space, &[Source::Guess], (options, 0.0), budget, control)?;
-        if found.is_solved() {
-            return Ok((found, None));
-        }
-    }
-    let mut space = Contacts::new(p, options, Reach::All, false);
     let given = options.sequence.is_some();
-    let sources: &[Source] = match options.method {
-        Method::Auto if given => &[Source::Guess],
-        Method::Auto => &[Source::Simulation, Source::Stepping, Source::Samples, Source::Relaxation],
-        Method::Modes if given => &[Source::Guess],
-        Method::Modes => &[Source::Simulation],
-        Method::Steps => &[Source::Stepping],
-        Method::Shots => &[Source::Samples],
-        Method::FesdJ if given => &[Source::Guess, Source::Relaxation],
-        Method::FesdJ | Method::Freezing => &[Source::Relaxation],
+    let sources: &[Source] = match (options.method, options.lead) {
+        (Method::Auto | Method::Modes, _) if given => &[Source::Guess],
+        (Method::FesdJ, _) if given => &[Source::Guess, Source::Relaxation],
+        (Method::Auto, Lead::Guess) => &[Source::Simulation, Source::Stepping, Source::Relaxation],
+        (Method::Auto | Method::Modes | Method::Shots, _) => &[Source::Simulation],
+        (Method::Steps, _) => &[Source::Stepping],
+        (Method::FesdJ | Method::Freezing, _) => &[Source::Relaxation],
     };
+    let reach = match options.lead {
+        // descents have left what is cheaper on the way
+        Lead::Descents { optimum: true } => Reach::Local,
+        _ => Reach::All,
+    };
+    let mut space = Contacts::new(p, options, reach, false);
     let mut found = Sought::of(&mut space, sources, (options, options.effort), budget, control)?;
     if found.best.is_none() && stop::requested().is_none() {
         // nothing that was proposed can begin at the initial state
@@ -178,6 +174,23 @@ impl Sought {
         })
     }
 
+    /// The answers, the best with what the search has spent.
+    fn findings(self, budget: &Budget, clock: Instant) -> Result<Findings> {
+        let Sought { best, others, agreeing, tried, .. } = self;
+        let Some((mut best, solved)) = best else {
+            stop::check()?;
+            return Err(Error::Internal("a search without an answer".into()));
+        };
+        best.stats = Statistics { time_total: clock.elapsed().as_secs_f64(), ..budget.stats };
+        (best.effort, best.tried) = (budget.spent() as usize, tried);
+        if !best.is_solved() {
+            best.agreeing = agreeing;
+        }
+        let effort = best.effort;
+        let others = others.into_iter().map(|(a, s)| (Answer { effort, ..a }, s)).collect();
+        Ok(Findings { best: (best, solved), others })
+    }
+
     fn is_solved(&self) -> bool {
         self.best.as_ref().is_some_and(|b| b.0.is_solved())
     }
@@ -229,35 +242,4 @@ fn without_short_phases(p: &Problem, closest: &Answer) -> Vec<(Sequence, Rc<Trac
     let near = neighbours(&closest.planned, &short, &[], &frictional, false);
     let ways = near.into_iter().filter(|n| n.wanted).take(WAYS);
     ways.map(|n| (n.sequence.without_idle_impacts(), Rc::clone(&track))).collect()
-}
-
-/// Searches on a finer grid of the same control stages for an answer beside one that its simulation leaves, whose order of contacts has no solution there: from
-/// the simulation of its controls, aimed at the constraints and as it is, and, if asked, from shots; as long as the work is less than `most`. No solution where
-/// nothing of that leads to one, or where that simulation ends nowhere near.
-///
-/// # Errors
-/// Those of simulations and of building programs.
-pub(super) fn solve_beside(
-    p: &Problem,
-    (answer, options): (&Answer, &Options),
-    (shoots, most): (bool, usize),
-    control: &mut Control,
-) -> Result<Sought> {
-    let p = &p.restated_at(answer.durations(p.n_stages()), &answer.params);
-    let given = (answer.controls().to_vec(), answer.x0.clone());
-    let options =
-        &Options { controls: given.0, x0: given.1, states: None, sequence: None, warm: None, ..options.clone() };
-    let mut space = Contacts::new(p, options, Reach::Local, true);
-    let mut budget = Budget::new(most as f64);
-    let all = [Source::Guess, Source::Simulation, Source::Samples];
-    let mut sources = &all[..if shoots { 3 } else { 2 }];
-    match beside(p, options, answer)? {
-        Beside::Elsewhere => sources = &[],
-        Beside::Near(Some(shot)) => {
-            let order = Order::new(shot.track.sequence(p.n_stages()));
-            space.sources.give(order.sequence, Rc::new(shot.track), None);
-        }
-        Beside::Near(None) => {}
-    }
-    Sought::of(&mut space, sources, (options, 0.0), &mut budget, control)
 }

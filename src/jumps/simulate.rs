@@ -53,13 +53,6 @@ pub(super) struct Effort<'a> {
     pub(super) bounded: bool,
 }
 
-/// Times and states `[nx]` at the ends of control stages, the start first.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Ends {
-    pub(super) times: Vec<f64>,
-    pub(super) states: Vec<f64>,
-}
-
 /// Simulates controls `[n_stages · wide.u]` over stages of lengths `durations`.
 pub(super) fn simulate(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f64]) -> Result<Simulated> {
     let sizes = scales::of_states(p, x0);
@@ -79,47 +72,26 @@ const GUESS: Effort = Effort {
 
 /// The same with other parameters and another effort.
 pub(super) fn simulate_with(p: &Problem, inputs: Inputs, effort: Effort) -> Result<Simulated> {
-    run(p, &mut engine(p, effort)?, inputs, effort.max_events, (0, &Ends::default()))
-}
-
-/// An engine for simulations with one effort, as many as are wanted one after the other: what comes before one leaves no trace in it.
-pub(super) fn engine(p: &Problem, effort: Effort) -> Result<Engine> {
-    let Effort { tolerance, sizes, max_steps, dense, bounded, .. } = effort;
+    let Effort { tolerance, sizes, max_steps, max_events, dense, bounded } = effort;
     let mut options = Options { max_steps, dense, ..Options::with_tolerance(tolerance, tolerance) };
     if !sizes.is_empty() {
         options.atol = sizes.iter().map(|s| tolerance * s).collect();
     }
-    let mut engine = Engine::new(&p.given.system, &options)?;
+    let (g, mut engine) = (&p.given, Engine::new(&p.given.system, &options)?);
     if !bounded {
         engine.pass_bounds();
     }
-    Ok(engine)
-}
-
-/// A simulation with so many events at most from the start of control stage `first` on: until there the motion is known, and its steps, impacts
-/// and phases are not among those of the result.
-pub(super) fn run(
-    p: &Problem,
-    engine: &mut Engine,
-    inputs: Inputs,
-    max_events: usize,
-    (first, known): (usize, &Ends),
-) -> Result<Simulated> {
-    let (g, nx) = (&p.given, p.given.dims.x);
-    let (mut times, mut states) = match first {
-        0 => (vec![g.t0], inputs.x0.to_vec()),
-        _ => (known.times[..=first].to_vec(), known.states[..(first + 1) * nx].to_vec()),
-    };
-    engine.reinit(times[first], &states[first * nx..])?;
+    engine.reinit(g.t0, inputs.x0)?;
+    let (mut times, mut states) = (vec![g.t0], inputs.x0.to_vec());
     let (mut u, mut params): (&[f64], &[f64]) = (&[], &[]);
-    for (k, d) in inputs.durations.iter().enumerate().skip(first) {
+    for (k, d) in inputs.durations.iter().enumerate() {
         let of_stage = &inputs.params[k * g.wide.p..k * g.wide.p + g.dims.p];
         let control = &inputs.controls[k * g.wide.u..k * g.wide.u + g.dims.u];
         // the engine finds its modes anew behind new data
-        if k == first || of_stage != params {
+        if k == 0 || of_stage != params {
             engine.set_params(of_stage)?;
         }
-        if k == first || control != u {
+        if k == 0 || control != u {
             engine.set_controls(control)?;
         }
         (u, params) = (control, of_stage);

@@ -1,4 +1,4 @@
-//! Where orders of contacts come from: simulations, shots, time stepping and relaxed programs, a part of each at a time.
+//! Where orders of contacts come from: simulations, time stepping and relaxed programs, a part of each at a time.
 
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -9,7 +9,6 @@ use super::frozen;
 use super::modes::{ContactMode, Sequence};
 use super::options::{Method, Options};
 use super::problem::Problem;
-use super::shots::Volley;
 use super::simulate::{simulate, Met};
 use super::space::{Motion, Order};
 use super::stepping;
@@ -132,7 +131,6 @@ pub(super) struct Sources<'a> {
     pub(super) met: Option<Met>,
     stepping: Programs,
     relaxation: Programs,
-    volley: Option<Volley<'a>>,
     has_stepped: bool,
     /// The motion that time stepping has found last, and the steps of a stage it had.
     coarse: Option<(Track, usize)>,
@@ -152,7 +150,6 @@ impl<'a> Sources<'a> {
             met: None,
             stepping: Programs::default(),
             relaxation: Programs::default(),
-            volley: None,
             has_stepped: false,
             coarse: None,
             freezing: None,
@@ -200,7 +197,6 @@ impl<'a> Sources<'a> {
                 Ok(given.into_iter().map(|(s, motion)| Candidate::new(Order::new(s), motion)).collect())
             }
             Source::Simulation => self.simulation(budget),
-            Source::Samples => self.shot(solution, budget),
             Source::Stepping | Source::Relaxation => self.relaxed(source, solution.is_some(), budget, control),
             _ => Ok(Vec::new()),
         }
@@ -242,28 +238,6 @@ impl<'a> Sources<'a> {
         self.met = Some(run.met());
         let track = run.track(self.p, &o.controls, durations)?;
         Ok(self.start([track]))
-    }
-
-    /// The next shot. Once there is a solution its cost is a constraint for those behind it, and they are drawn from controls like its own.
-    fn shot(&mut self, solution: Option<&Answer>, budget: &mut Budget) -> Result<Vec<Candidate<Order, Motion>>> {
-        let known = self.volley.take_if(|v| solution.is_none_or(|best| v.is_below(best.cost)));
-        let mut volley = match (known, solution) {
-            (Some(v), _) => v,
-            (None, Some(best)) => Volley::below(self.p, self.options, best)?,
-            (None, None) => Volley::new(self.p, self.options)?,
-        };
-        let before = volley.steps();
-        let shot = volley.next()?;
-        budget.simulated(self.p.given.dims.x, volley.steps() - before);
-        self.volley = Some(volley);
-        let Some(shot) = shot else { return Ok(Vec::new()) };
-        let nearly = shot.nearly_hits();
-        let mut found = self.start([shot.track]);
-        if !nearly {
-            // no program is begun with it
-            found.iter_mut().for_each(|c| c.promise = f64::INFINITY);
-        }
-        Ok(found)
     }
 
     /// The next stop of a relaxed program. All but the first are asked for want of a solution alone: in paired comparisons they have bettered none.

@@ -9,12 +9,12 @@ use super::{Jumps, Ocp, OcpResult, OcpSensitivity, SLACK};
 use crate::error::{Error, Result};
 use crate::func::Point;
 use crate::jumps::{
-    self, Aim, Answer, Blame, Contacts, Findings, Found, Key, Missed, Of, Options, Problem, Sequence, Solved,
+    self, Aim, Answer, Blame, Contacts, Findings, Found, Key, Lead, Missed, Of, Options, Problem, Sequence, Solved,
 };
 use crate::memory;
 use crate::mpcc::Polish;
 use crate::nlp::middle;
-use crate::nlp::{Control, Outcome};
+use crate::nlp::{Control, Outcome, Statistics};
 use crate::stop;
 use crate::tableau::Tableau;
 
@@ -71,25 +71,96 @@ impl Ocp {
         let request = Request::from_settings(&self.settings)?;
         self.complete_params()?;
         self.simulated.last = None;
-        let result = memory::bounded(self.settings.max_memory, || {
-            bounded(&request, control, |control| self.run_scene(start, &request, control))
+        let led = std::mem::take(&mut self.simulated.leads) && start == Start::Warm;
+        memory::bounded(self.settings.max_memory, || {
+            bounded(&request, control, |control| match led {
+                true => self.solve_simulated(start, &request, control),
+                false => self.run_scene(start, &request, control),
+            })
         })?;
-        self.result = Some(result);
         self.conclude()
     }
 
-    fn run_scene(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<OcpResult> {
+    /// From the modes of an answer of before, where these have a solution; else descents on simulations say which orders of contacts there are, and programs
+    /// along these are exact and say what is next to them.
+    fn run_scene(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<()> {
         let clock = std::time::Instant::now();
         let extended = self.extended()?;
         let problem = self.scene_problem(&extended, request)?;
         self.check_start(&problem)?;
-        let options = self.scene_options(&problem, &extended, start, request);
+        let options = self.scene_options(&problem, &extended, request);
         let time_build = clock.elapsed().as_secs_f64();
-        let Findings { best, others } = jumps::solve(&problem, &options, control)?;
-        let asked = |shoots| (&extended, &options, request, shoots);
+        let last = self.scene.last.take().filter(|_| start == Start::Warm);
+        let mut spent = Statistics::default();
+        let known = match &last {
+            Some(last) => jumps::go_on_from(&last.answer, &problem, &options, control)?,
+            None => None,
+        };
+        let mut landed = match (known.is_none() && options.sequence.is_none(), options.method) {
+            (true, Jumps::Auto | Jumps::Shots) => self.landed(None, request, &mut spent, control)?,
+            _ => None,
+        };
+        if let Some(cut) = landed.take_if(|l| l.result.ended.is_some()) {
+            self.adopt_landed(cut);
+            return Ok(());
+        }
+        let (problem, options) = match &landed {
+            Some(l) => self.led_by(&l.result, problem, options),
+            None => (problem, options),
+        };
+        let incumbent = landed.as_ref().map_or(f64::INFINITY, |l| l.result.priced);
+        let given = (&options, &extended, request);
+        let (last, mut result) = control.with_incumbent(incumbent, |control| {
+            let found = match known {
+                Some(found) => found,
+                None => jumps::solve(&problem, &options, control)?,
+            };
+            self.best_of_orders(&problem, found, given, control)
+        })?;
+        result.time_build = time_build;
+        self.scene.last = last.answer.is_solved().then_some(last);
+        let is_followed = result.is_exact() && result.ended.is_none();
+        let lower = match (is_followed, landed) {
+            (true, Some(landed)) => self.lower_than(&result, Some(landed), request, &mut spent, control)?,
+            (_, landed) => landed,
+        };
+        spent.add(&result.stats);
+        match lower {
+            Some(landed) => self.adopt_landed(landed),
+            None => self.result = Some(result),
+        }
+        if let Some(r) = self.result.as_mut() {
+            r.stats = Statistics { time_total: clock.elapsed().as_secs_f64() - time_build, ..spent };
+            stop::requested().into_iter().for_each(|why| r.tell_cut(why));
+        }
+        Ok(())
+    }
+
+    /// A problem and what a search starts from, at an answer of descents on simulations.
+    fn led_by(&self, r: &OcpResult, problem: Problem, mut options: Options) -> (Problem, Options) {
+        let (own, wide) = (self.system.dims().u.max(1), problem.given().wide.u.max(1));
+        for (all, known) in options.controls.chunks_mut(wide).zip(r.controls.chunks(own)) {
+            all[..own].copy_from_slice(known);
+        }
+        if let Some(first) = r.trajectory.elements.first() {
+            options.x0.clone_from(&first.x0);
+        }
+        options.lead = Lead::Descents { optimum: r.is_optimum() };
+        let params: Vec<(usize, f64)> = r.params.iter().copied().enumerate().collect();
+        (problem.restated_at(r.durations.clone(), &params), options)
+    }
+
+    /// Of what a search found the cheapest answer that is a motion, with its result.
+    fn best_of_orders(
+        &self,
+        problem: &Problem,
+        Findings { best, others }: Findings,
+        given: (&Options, &Extended, &Request),
+        control: &mut Control,
+    ) -> Result<(Last, OcpResult)> {
         let mut visited = Vec::new();
         let (mut last, mut result, mut followed) =
-            self.compared(problem.of(&best.0), best, asked(true), &mut visited, control)?;
+            self.compared(problem.of(&best.0), best, given, &mut visited, control)?;
         if last.answer.is_solved() {
             // what is dearer may be a motion that there is
             for mut other in others {
@@ -97,7 +168,7 @@ impl Ocp {
                     break;
                 }
                 (other.0.stats, other.0.tried) = (last.answer.stats, last.answer.tried);
-                let next = self.compared(problem.of(&other.0), other, asked(false), &mut visited, control)?;
+                let next = self.compared(problem.of(&other.0), other, given, &mut visited, control)?;
                 if next.2 {
                     (last, result, followed) = next;
                 } else {
@@ -107,10 +178,6 @@ impl Ocp {
             }
             let known = self.scene_optimality(&last.answer, followed);
             result.optimality = Some(self.or_by_descent(known, &result));
-            if let Some(why) = stop::requested() {
-                result.tell_cut(why);
-            }
-            self.scene.last = Some(last);
         } else {
             if let Some(paradox) = last.answer.paradox {
                 let what = no_forces(&last.problem, paradox.contact, paradox.t);
@@ -121,17 +188,15 @@ impl Ocp {
                 result.message.push_str(&more);
             }
         }
-        result.time_build = time_build;
-        Ok(result)
+        Ok((last, result))
     }
 
-    /// An answer, refined where its simulation leaves it, if asked with shots beside it, with its result, and whether it is a motion of the control problem;
-    /// `visited` are the orders of contacts that answers have been refined through.
+    /// An answer, refined where its simulation leaves it, with its result, and whether it is a motion of the control problem; `visited` are the orders of contacts that answers have been refined through.
     fn compared(
         &self,
         problem: Problem,
         (answer, solved): Found,
-        (extended, options, request, shoots): (&Extended, &Options, &Request, bool),
+        (options, extended, request): (&Options, &Extended, &Request),
         visited: &mut Vec<Key>,
         control: &mut Control,
     ) -> Result<(Last, OcpResult, bool)> {
@@ -141,7 +206,7 @@ impl Ocp {
         let compares = request.comparison.filter(|_| last.answer.is_solved() && !is_its_motion(&last, &result));
         let Some(c) = compares else { return Ok((last, result, true)) };
         let largest = largest_state(&last.problem, &last.answer);
-        let aim = Aim { within: AIM * largest, far: OFF_IN_A_STAGE * largest, tol: c.tol, shoots };
+        let aim = Aim { within: AIM * largest, tol: c.tol };
         let finer = jumps::refine(last.problem, (last.answer, last.solved), options, aim, visited, control)?;
         last = Last { answer: finer.answer, problem: finer.problem, solved: finer.solved };
         result = self.replayed(&last, extended, request)?;
@@ -261,7 +326,7 @@ impl Ocp {
         }
     }
 
-    fn scene_options(&self, p: &Problem, e: &Extended, start: Start, request: &Request) -> Options {
+    fn scene_options(&self, p: &Problem, e: &Extended, request: &Request) -> Options {
         let d = self.system.dims();
         let wide = e.system.dims();
         let own = self.control_guess();
@@ -279,11 +344,11 @@ impl Ocp {
             gain: self.settings.search_gain,
             least_tried: request.search,
             has_costs: self.has_costs(),
+            lead: Lead::Guess,
             controls,
             x0: self.initial_guess_state(),
             states: self.x_guess.clone(),
             sequence: self.scene.sequence.clone().filter(|s| s.stages.len() == p.n_stages()),
-            warm: if start == Start::Warm { self.scene.last.as_ref().map(|l| l.answer.clone()) } else { None },
         }
     }
 
