@@ -8,7 +8,7 @@ use crate::mpcc::MpccSettings;
 #[repr(i32)]
 #[non_exhaustive]
 pub enum Method {
-    /// From descents on simulations, and, where these lead to no solution, from the simulated guess, time stepping and FESD with jumps.
+    /// From descents on simulations and time stepping, and, where descents lead to no solution, also from the simulated guess and FESD with jumps.
     #[default]
     Auto = 0,
     /// From the simulated guess and the sequences next to it.

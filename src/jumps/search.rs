@@ -71,7 +71,8 @@ fn search(p: &Problem, options: &Options, budget: &mut Budget, control: &mut Con
         (Method::Auto | Method::Modes, _) if given => &[Source::Guess],
         (Method::FesdJ, _) if given => &[Source::Guess, Source::Relaxation],
         (Method::Auto, Lead::Guess) => &[Source::Simulation, Source::Stepping, Source::Relaxation],
-        (Method::Auto | Method::Modes | Method::Shots, _) => &[Source::Simulation],
+        (Method::Auto, Lead::Descents { .. }) => &[Source::Simulation, Source::Stepping],
+        (Method::Modes | Method::Shots, _) => &[Source::Simulation],
         (Method::Steps, _) => &[Source::Stepping],
         (Method::FesdJ | Method::Freezing, _) => &[Source::Relaxation],
     };
