@@ -1621,7 +1621,7 @@ enum swb_jumps
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * From a simulation of the guess and by time stepping; where neither leads to an answer, by shots, and then by finite elements with
+     * By descents on simulations and by time stepping; where descents lead to no answer, also from a simulation of the guess and by finite elements with
      * jumps.
      */
     SWB_JUMPS_AUTO = 0,
@@ -1638,7 +1638,7 @@ enum swb_jumps
      */
     SWB_JUMPS_STEPS = 3,
     /**
-     * From shots: simulations of controls drawn at random, always the same ones, and aimed at the constraints.
+     * By descents on simulations, from the guess and from controls that are drawn at random, always the same ones.
      */
     SWB_JUMPS_SHOTS = 4,
     /**

@@ -2,7 +2,7 @@
 
 use super::chain_tests::ball_from;
 use super::modes::{ContactMode, Phase, Sequence};
-use super::options::{Method, Options};
+use super::options::{Lead, Method, Options};
 use super::problem::{Problem, Statement};
 use super::search::solve_again;
 use super::simulate::simulate;
@@ -34,11 +34,11 @@ fn orders_without_a_solution_are_tried_without_their_short_phases() {
         gain: 1e-3,
         least_tried: 0,
         has_costs: false,
+        lead: Lead::Guess,
         controls: vec![0.0],
         x0,
         states: None,
         sequence: None,
-        warm: None,
     };
     let with = (&options, Reach::Wanted);
     let found = solve_again(&p, (&hops, &rests), with, usize::MAX, &mut Control::default()).unwrap();

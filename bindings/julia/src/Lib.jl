@@ -835,11 +835,11 @@ const NAMES_swb_verdict = [:unknown => 0, :local_optimum => 1, :kink => 2, :not_
 """
 How an optimal control problem of a scene finds contact modes and impacts.
 
-- `SWB_JUMPS_AUTO`: From a simulation of the guess and by time stepping; where neither leads to an answer, by shots, and then by finite elements with jumps.
+- `SWB_JUMPS_AUTO`: By descents on simulations and by time stepping; where descents lead to no answer, also from a simulation of the guess and by finite elements with jumps.
 - `SWB_JUMPS_MODES`: From a simulation of the guess and the orders of modes next to it.
 - `SWB_JUMPS_FESD_J`: By finite elements with jumps: complementarity between gaps and forces in every element.
 - `SWB_JUMPS_STEPS`: By time stepping: complementarity at the ends of equal steps of implicit Euler.
-- `SWB_JUMPS_SHOTS`: From shots: simulations of controls drawn at random, always the same ones, and aimed at the constraints.
+- `SWB_JUMPS_SHOTS`: By descents on simulations, from the guess and from controls that are drawn at random, always the same ones.
 - `SWB_JUMPS_FREEZING`: By time-freezing: finite elements in a numerical time in which nothing jumps; without friction where there is restitution.
 """
 const swb_jumps = Int64

@@ -18,7 +18,7 @@ use switchback::settings::Settings;
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_jumps {
-    /// From a simulation of the guess and by time stepping; where neither leads to an answer, by shots, and then by finite elements with
+    /// By descents on simulations and by time stepping; where descents lead to no answer, also from a simulation of the guess and by finite elements with
     /// jumps.
     Auto = 0,
     /// From a simulation of the guess and the orders of modes next to it.
@@ -27,7 +27,7 @@ pub enum swb_jumps {
     FesdJ = 2,
     /// By time stepping: complementarity at the ends of equal steps of implicit Euler.
     Steps = 3,
-    /// From shots: simulations of controls drawn at random, always the same ones, and aimed at the constraints.
+    /// By descents on simulations, from the guess and from controls that are drawn at random, always the same ones.
     Shots = 4,
     /// By time-freezing: finite elements in a numerical time in which nothing jumps; without friction where there is restitution.
     Freezing = 5,

@@ -247,9 +247,8 @@ class Ocp(Hints, OcpTerms, OcpSearch):
 
     A `Scene` stands where a system does: its contacts close, slide, stick and bounce in physical time, and the answer says
     when (`OcpResult.contacts`). `jumps` says how that is found: "modes" from a simulation of the guess and the orders of
-    contacts next to it, "steps" by time stepping, "shots" by simulations of controls drawn at random, "fesd_j" by finite elements with jumps, "freezing" by
-    time-freezing, "auto" by the first two, and by the
-    last where these find nothing.
+    contacts next to it, "steps" by time stepping, "shots" by descents on simulations, from the guess and from controls drawn at random, "fesd_j" by finite
+    elements with jumps, "freezing" by time-freezing, "auto" by "shots" and "steps", and by "modes" and "fesd_j" where the former finds nothing.
     """
 
     _kind = "ocp"
