@@ -15,7 +15,7 @@ use super::simulate::{met, Met};
 use super::space::{Contacts, Ended, Reach};
 use super::track::Track;
 use crate::error::{Error, Result};
-use crate::nlp::{Control, Outcome, Statistics};
+use crate::nlp::{allowance, Control, Outcome, Statistics};
 use crate::search::{explore, Budget, Plan, Source};
 use crate::stop::{self, Why};
 
@@ -41,8 +41,11 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<Fi
         best.outcome = match (stop::requested(), best.outcome) {
             (Some(Why::OutOfTime), _) => Outcome::MaxTime,
             (Some(Why::Interrupted), _) => Outcome::Stopped,
+            (_, Outcome::Stalled) if allowance::is_over() => Outcome::MaxIter,
             // the search is at its end, and no limit of the caller's has ended the program
-            (_, Outcome::MaxIter) if own_iterations < options.solver.max_iter => Outcome::Stalled,
+            (_, Outcome::MaxIter) if own_iterations < options.solver.max_iter && !allowance::is_over() => {
+                Outcome::Stalled
+            }
             (_, outcome) => outcome,
         };
         explain(p, options, best, met, control)?;

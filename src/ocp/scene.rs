@@ -4,6 +4,7 @@ use super::accuracy::{Accuracy, ELSEWHERE};
 use super::extend::Extended;
 use super::optimality::{Kink, Optimality, OTHER};
 use super::request::Request;
+use super::simulated::Landed;
 use super::solve::{bounded, Start};
 use super::{Jumps, Ocp, OcpResult, OcpSensitivity, SLACK};
 use crate::error::{Error, Result};
@@ -90,9 +91,8 @@ impl Ocp {
         self.check_start(&problem)?;
         let options = self.scene_options(&problem, &extended, request);
         let time_build = clock.elapsed().as_secs_f64();
-        let last = self.scene.last.take().filter(|_| start == Start::Warm);
         let mut spent = Statistics::default();
-        let known = match &last {
+        let known = match self.scene.last.as_ref().filter(|_| start == Start::Warm) {
             Some(last) => jumps::go_on_from(&last.answer, &problem, &options, control)?,
             None => None,
         };
@@ -101,7 +101,7 @@ impl Ocp {
             _ => None,
         };
         if let Some(cut) = landed.take_if(|l| l.result.ended.is_some()) {
-            self.adopt_landed(cut);
+            self.adopt_end(cut);
             return Ok(());
         }
         let (problem, options) = match &landed {
@@ -110,30 +110,47 @@ impl Ocp {
         };
         let incumbent = landed.as_ref().map_or(f64::INFINITY, |l| l.result.priced);
         let given = (&options, &extended, request);
-        let (last, mut result) = control.with_incumbent(incumbent, |control| {
+        let found = control.with_incumbent(incumbent, |control| {
             let found = match known {
                 Some(found) => found,
                 None => jumps::solve(&problem, &options, control)?,
             };
             self.best_of_orders(&problem, found, given, control)
-        })?;
-        result.time_build = time_build;
-        self.scene.last = last.answer.is_solved().then_some(last);
-        let is_followed = result.is_exact() && result.ended.is_none();
-        let lower = match (is_followed, landed) {
-            (true, Some(landed)) => self.lower_than(&result, Some(landed), request, &mut spent, control)?,
-            (_, landed) => landed,
-        };
-        spent.add(&result.stats);
-        match lower {
-            Some(landed) => self.adopt_landed(landed),
-            None => self.result = Some(result),
+        });
+        match (found, landed) {
+            // what is known stays known
+            (Err(Error::Interrupted | Error::OutOfTime), Some(landed)) => self.adopt_end(landed),
+            (found, landed) => {
+                let (last, result) = found?;
+                spent.add(&result.stats);
+                let is_followed = result.is_exact() && result.ended.is_none();
+                let lower = match (is_followed, landed) {
+                    (true, Some(landed)) => self.lower_than(&result, Some(landed), request, &mut spent, control)?,
+                    (_, landed) => landed,
+                };
+                match lower {
+                    Some(landed) => self.adopt_end(landed),
+                    None => {
+                        if last.answer.is_solved() {
+                            self.scene.last = Some(last);
+                        }
+                        self.result = Some(result);
+                    }
+                }
+            }
         }
         if let Some(r) = self.result.as_mut() {
+            r.time_build = time_build;
             r.stats = Statistics { time_total: clock.elapsed().as_secs_f64() - time_build, ..spent };
             stop::requested().into_iter().for_each(|why| r.tell_cut(why));
         }
         Ok(())
+    }
+
+    /// Makes the end of descents the answer; no program is its own.
+    fn adopt_end(&mut self, landed: Landed) {
+        self.scene.last = None;
+        self.adopt_landed(landed);
     }
 
     /// A problem and what a search starts from, at an answer of descents on simulations.
@@ -191,7 +208,8 @@ impl Ocp {
         Ok((last, result))
     }
 
-    /// An answer, refined where its simulation leaves it, with its result, and whether it is a motion of the control problem; `visited` are the orders of contacts that answers have been refined through.
+    /// An answer, refined where its simulation leaves it, with its result, and whether it is a motion of the control problem; `visited` are the orders of
+    /// contacts that answers have been refined through.
     fn compared(
         &self,
         problem: Problem,

@@ -30,7 +30,7 @@ impl Ocp {
     /// Derivatives of the last solution, which must be exact ([`crate::mpcc::Polish::Done`]). Parameters enter by
     /// central differences of the optimality conditions, the rest is exact: A. V. Fiacco's theorem on the branch.
     pub fn sensitivity(&mut self) -> Result<OcpSensitivity> {
-        if self.is_simulated() || !self.is_scene() && self.is_answered_by_simulation() {
+        if self.is_simulated() || self.simulated.leads || !self.is_scene() && self.is_answered_by_simulation() {
             return self.simulated_sensitivity();
         }
         if self.system.mechanics().is_some() {

@@ -395,7 +395,7 @@ impl Engine {
             self.field.contact_sizes(self.t, &self.x)?;
         }
         self.f_before.copy_from_slice(&self.f);
-let recorded = self.derivatives.sens.is_some() || self.derivatives.tape.is_some();
+        let recorded = self.derivatives.sens.is_some() || self.derivatives.tape.is_some();
         let meeting = if recorded && !again { self.meeting(event)? } else { None };
         let together = match meeting {
             Some(m) => Some((self.follow_orders(&m, length)?, m, self.derivatives.sens.as_ref().map(|s| s.s.clone()))),
