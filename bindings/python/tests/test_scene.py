@@ -547,11 +547,11 @@ def test_what_rests_against_friction_takes_one_step():
 def test_bodies_at_rest_side_by_side_stay_whatever_rounding_says(seed):
     """A pusher and two boxes on a slope they stick to; their velocities, and the force of the pusher, are rounding."""
     masses = (0.7, 0.8, 0.9)
-    s = swb.Scene("p x0 y0 x1 y1", u="f", name="pusher and boxes")
+    s = swb.Scene("a x0 y0 x1 y1", u="f", name="pusher and boxes")
     s.inertia(np.diag([masses[0], masses[1], masses[1], masses[2], masses[2]]))
     s.force([s.u[0], -0.03 * masses[1], -masses[1], -0.03 * masses[2], -masses[2]])
-    p, x0, y0, x1, y1 = s.q
-    s.contact("pusher", gap=x0 - p, e=0.2)
+    a, x0, y0, x1, y1 = s.q
+    s.contact("pusher", gap=x0 - a, e=0.2)
     s.contact("boxes", gap=x1 - x0, e=0.2)
     s.contact("table 0", gap=y0, tangents=x0, mu=0.5)
     s.contact("table 1", gap=y1, tangents=x1, mu=0.5)
