@@ -24,14 +24,16 @@ pub enum Method {
 }
 
 /// What has led to the controls to start from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Lead {
     /// Nothing: they are a guess.
     Guess,
-    /// Descents on simulations; is their end known as an optimum?
+    /// Descents on simulations.
     Descents {
-        /// That it is one.
+        /// Is their end known as an optimum?
         optimum: bool,
+        /// Usual size of the cost: costs have its rounding.
+        size: f64,
     },
 }
 

@@ -81,7 +81,7 @@ fn search(p: &Problem, options: &Options, budget: &mut Budget, control: &mut Con
     };
     let reach = match options.lead {
         // descents have left what is cheaper on the way
-        Lead::Descents { optimum: true } => Reach::Local,
+        Lead::Descents { optimum: true, .. } => Reach::Local,
         _ => Reach::All,
     };
     let mut space = Contacts::new(p, options, reach, false);

@@ -9,7 +9,7 @@ use super::guards::Condition;
 use super::modal::{self, Held};
 use super::modes::{Key, Sequence};
 use super::neighbours::{in_turn, neighbours, with_impact, Move, Neighbour};
-use super::options::Options;
+use super::options::{Lead, Options};
 use super::problem::{Problem, CONTRADICTION};
 use super::sources::Sources;
 use super::track::Track;
@@ -126,7 +126,10 @@ impl<'a> Contacts<'a> {
             sources: Sources::new(p, options),
             reach,
             refines,
-            largest: 0.0,
+            largest: match options.lead {
+                Lead::Descents { size, .. } => size,
+                Lead::Guess => 0.0,
+            },
             with_room: None,
             dimensions: (0, 0, 0),
             least: Vec::new(),

@@ -162,7 +162,7 @@ impl Ocp {
         if let Some(first) = r.trajectory.elements.first() {
             options.x0.clone_from(&first.x0);
         }
-        options.lead = Lead::Descents { optimum: r.is_optimum() };
+        options.lead = Lead::Descents { optimum: r.is_optimum(), size: self.cost_size(r.priced) };
         let params: Vec<(usize, f64)> = r.params.iter().copied().enumerate().collect();
         (problem.restated_at(r.durations.clone(), &params), options)
     }

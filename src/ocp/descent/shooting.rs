@@ -16,7 +16,7 @@ use crate::ocp::solve::Built;
 use crate::ocp::{Durations, Ocp, OcpResult, SLACK};
 use crate::random::SplitMix64;
 use crate::stop;
-use crate::system::SharedFunction;
+use crate::system::{SharedFunction, System};
 use nalgebra::{DMatrix, DVector};
 
 /// Tolerance of the simulations, relative to the sizes of the states, and their steps.
@@ -197,6 +197,13 @@ fn options(ocp: &Ocp, cost: f64, usual: &Sizes) -> event::Options {
     event::Options { max_steps: MAX_STEPS, ..tolerances(TOLERANCE, &sizes) }
 }
 
+/// An engine for points of descents, which may lie beyond the bounds that contacts were left out for; ends are traced within them.
+fn on_the_way(system: &System, options: &event::Options) -> Result<Engine> {
+    let mut engine = Engine::new(system, options)?;
+    engine.pass_bounds();
+    Ok(engine)
+}
+
 /// States with bounds.
 fn bounded(ocp: &Ocp) -> Vec<usize> {
     let b = &ocp.x_bounds;
@@ -225,7 +232,7 @@ impl<'a> Shooting<'a> {
         let mut s = Shooting {
             ocp,
             e,
-            engine: Engine::new(&ocp.system_with_cost(e)?, &with_derivatives)?,
+            engine: on_the_way(&ocp.system_with_cost(e)?, &with_derivatives)?,
             plain: None,
             timed: e.system.depends_on_time(),
             goes_on: given.goes_on,
@@ -401,7 +408,7 @@ impl<'a> Shooting<'a> {
     pub(super) fn exchange_plain(&mut self) -> Result<()> {
         let plain = match self.plain.take() {
             Some(e) => e,
-            None => Engine::new(&self.ocp.system_with_cost(self.e)?, &self.options())?,
+            None => on_the_way(&self.ocp.system_with_cost(self.e)?, &self.options())?,
         };
         self.plain = Some(self.exchange(plain));
         Ok(())

@@ -74,7 +74,8 @@ impl Ocp {
                 stop::raise();
                 Ok(None)
             }
-            Err(Error::OutOfTime | Error::Numeric(_) | Error::Unsupported(_)) => Ok(None),
+            // beyond the bounds that contacts were left out for nothing is known
+            Err(Error::OutOfTime | Error::Numeric(_) | Error::Unsupported(_) | Error::State(_)) => Ok(None),
             Err(e) => Err(e),
         }
     }
