@@ -6,7 +6,6 @@ use super::problem::Problem;
 use super::scales;
 use super::simulate::{simulate_with, Effort, Inputs, Simulated, MAX_EVENTS};
 use crate::func::Point;
-use crate::system::SharedFunction;
 
 /// Tolerance, relative to the sizes of the states, and steps of a simulation.
 const EFFORT: Effort =
@@ -40,49 +39,6 @@ impl Filled {
     }
 }
 
-/// A constraint with its bounds.
-enum Constraint<'a> {
-    Function { f: &'a SharedFunction, at: Point<'a>, bounds: [&'a [f64]; 2] },
-    State { i: usize, value: f64, bounds: [f64; 2] },
-}
-
-/// Path constraints at the ends of stages, the conditions at the end, and bounded states at the ends of stages, given the times and states there.
-fn for_every_constraint(
-    p: &Problem,
-    f: &Filled,
-    (times, states): (&[f64], &[f64]),
-    mut each: impl FnMut(Constraint) -> Option<()>,
-) -> Option<()> {
-    let (g, n) = (&p.given, p.n_stages());
-    let nx = g.dims.x;
-    let state = |end: usize| &states[end * nx..(end + 1) * nx];
-    let at = |k: usize, x| {
-        let (u, q) = (&f.controls[k * g.wide.u..(k + 1) * g.wide.u], &f.params[k * g.wide.p..(k + 1) * g.wide.p]);
-        Point { t: times[k + 1], x, u, p: q }
-    };
-    for k in 0..n {
-        for c in &g.path {
-            each(Constraint::Function { f: &c.f, at: at(k, state(k + 1)), bounds: [&c.lower, &c.upper] })?;
-        }
-    }
-    for c in &g.terminal {
-        each(Constraint::Function { f: &c.f, at: at(n - 1, state(n)), bounds: [&c.lower, &c.upper] })?;
-    }
-    let both = [state(0), state(n)].concat();
-    for c in &g.boundary {
-        each(Constraint::Function { f: &c.f, at: at(n - 1, &both), bounds: [&c.lower, &c.upper] })?;
-    }
-    for k in 0..n {
-        for i in 0..nx {
-            let bounds = [g.x_bounds[0][i], g.x_bounds[1][i]];
-            if bounds.iter().any(|b| b.is_finite()) {
-                each(Constraint::State { i, value: state(k + 1)[i], bounds })?;
-            }
-        }
-    }
-    Some(())
-}
-
 /// What a motion misses, in the unit of the problem.
 #[derive(Debug, Clone)]
 pub struct Missed {
@@ -109,12 +65,13 @@ pub(super) fn simulation(p: &Problem, o: &Options, a: &Answer) -> Option<Simulat
     simulate_with(p, Filled::of_answer(p, a).inputs(), Effort { sizes: &sizes, ..EFFORT }).ok()
 }
 
-/// What the controls of an answer miss most in a simulation, as a share of the size that states of their sizes give a constraint; nothing
-/// where a simulation meets all constraints or does not reach the end.
+/// What the controls of an answer miss most in a simulation, as a share of the size that states of their sizes give a constraint: path constraints at the
+/// ends of stages, the conditions at the end, and bounded states at the ends of stages. Nothing where a simulation meets them all or does not reach the end.
 pub(super) fn missed(p: &Problem, o: &Options, a: &Answer, s: &Simulated) -> Option<Missed> {
+    let (g, n, nx) = (&p.given, p.n_stages(), p.given.dims.x);
+    (s.times.len() == n + 1).then_some(())?;
     let f = Filled::of_answer(p, a);
     let sizes = scales::of_states(p, &o.x0);
-    (s.times.len() == p.n_stages() + 1).then_some(())?;
     let mut worst: Option<(f64, Missed)> = None;
     let mut note = |of: Of, value: f64, [l, u]: [f64; 2], size: f64| {
         let by = (l - value).max(value - u);
@@ -123,18 +80,22 @@ pub(super) fn missed(p: &Problem, o: &Options, a: &Answer, s: &Simulated) -> Opt
             worst = Some((share, Missed { of, by, value }));
         }
     };
-    for_every_constraint(p, &f, (&s.times, &s.states), |c| {
-        match c {
-            Constraint::Function { f, at, bounds: [lower, upper] } => {
-                let mut values = vec![0.0; f.n_out()];
-                f.value(&at, &mut values, &mut vec![0.0; f.work_len()]).ok()?;
-                for (i, (v, size)) in values.iter().zip(scales::of_values(f, &at, &sizes)).enumerate() {
-                    note(Of::Function(f.name().to_owned(), i), *v, [lower[i], upper[i]], size);
-                }
-            }
-            Constraint::State { i, value, bounds } => note(Of::State(i), value, bounds, sizes[i]),
+    let state = |end: usize| &s.states[end * nx..(end + 1) * nx];
+    let both = [state(0), state(n)].concat();
+    let along = (0..n).flat_map(|k| g.path.iter().map(move |c| (&c.f, [&c.lower, &c.upper], k, state(k + 1))));
+    let at_the_end = g.terminal.iter().map(|c| (&c.f, [&c.lower, &c.upper], n - 1, state(n)));
+    let at_both = g.boundary.iter().map(|c| (&c.f, [&c.lower, &c.upper], n - 1, &both[..]));
+    for (function, [lower, upper], k, x) in along.chain(at_the_end).chain(at_both) {
+        let (u, q) = (&f.controls[k * g.wide.u..(k + 1) * g.wide.u], &f.params[k * g.wide.p..(k + 1) * g.wide.p]);
+        let at = Point { t: s.times[k + 1], x, u, p: q };
+        let mut values = vec![0.0; function.n_out()];
+        function.value(&at, &mut values, &mut vec![0.0; function.work_len()]).ok()?;
+        for (i, (v, size)) in values.iter().zip(scales::of_values(function, &at, &sizes)).enumerate() {
+            note(Of::Function(function.name().to_owned(), i), *v, [lower[i], upper[i]], size);
         }
-        Some(())
-    })?;
+    }
+    for (k, i) in (0..n).flat_map(|k| (0..nx).map(move |i| (k, i))) {
+        note(Of::State(i), state(k + 1)[i], [g.x_bounds[0][i], g.x_bounds[1][i]], sizes[i]);
+    }
     worst.map(|w| w.1)
 }
